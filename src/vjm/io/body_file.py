@@ -2,15 +2,14 @@
 
 Its loops are found from what connects the bodies.
 
-Each kind of joint is one class, which says all that such a file asks of it.
+Each kind of joint is one row of a table, which says all that such a file asks of it.
 """
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
-from typing import Annotated, Any, ClassVar, Literal, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
 import pydantic
@@ -41,12 +40,13 @@ class Motion(NamedTuple):
     slides: bool = False
 
 
-class BodyJointKind(ABC):
-    """A kind of joint between bodies, passive unless a subclass says otherwise.
+@dataclass(frozen=True)
+class BodyJointKind:
+    """A kind of joint between bodies, passive unless it says otherwise.
 
     Attributes:
-        name: as the file's ``kind``.
         says: what it is, for the page on model files.
+        motions: from a joint's table, its elementary joints from the first body to the second.
         keys: that it needs beside ``name``, ``between`` and ``at_mm``; it takes no others of `OWN_KEYS`.
         part: kind of the parts of a chain file that it becomes.
         given: whether a posture gives its coordinates.
@@ -59,131 +59,50 @@ class BodyJointKind(ABC):
         ['-x', '-y', '-z']
     """
 
-    name: ClassVar[str]
-    says: ClassVar[str]
-    keys: ClassVar[tuple[str, ...]] = ("axis",)
-    part: ClassVar[str] = "joint"
-    given: ClassVar[bool] = True
-    place_only: ClassVar[bool] = False
-
-    @abstractmethod
-    def motions(self, table: BodyJointTable) -> list[Motion]:
-        """Its elementary joints, from the first body to the second."""
-
-    def couplings(self, table: BodyJointTable) -> list[Content]:
-        """Rows of couplings between its elementary joints, as a chain file has them."""
-        return []
+    says: str
+    motions: Callable[[BodyJointTable], list[Motion]]
+    keys: tuple[str, ...] = ("axis",)
+    part: str = "joint"
+    given: bool = True
+    place_only: bool = False
 
 
-class _Single(BodyJointKind):
+def _single(table: BodyJointTable) -> list[Motion]:
     """One elementary joint, which the keys of the part describe."""
-
-    def motions(self, table: BodyJointTable) -> list[Motion]:
-        """See `BodyJointKind`."""
-        return [Motion("", table.axis, (table.model_extra or {}).get("motion") == "slides")]
+    return [Motion("", table.axis, (table.model_extra or {}).get("motion") == "slides")]
 
 
-class Actuated(_Single):
-    """Driven to the coordinate that a posture gives."""
-
-    name, part = "actuated", "actuated"
-    says = "driven"
+def _slide_and_turn(table: BodyJointTable) -> list[Motion]:
+    return [Motion("-slide", table.axis, slides=True), Motion("-turn", table.axis)]
 
 
-class Coupled(_Single):
-    """Its coordinate follows from those of others."""
-
-    name, part, given = "coupled", "coupled", False
-    says = "follows others by its ratios `to`"
-
-
-class Weld(BodyJointKind):
-    """No motion at all."""
-
-    name, keys, given = "weld", (), False
-    says = "holds all"
-
-    def motions(self, table: BodyJointTable) -> list[Motion]:
-        """See `BodyJointKind`."""
-        return []
-
-
-class Passive(_Single):
-    """A hinge or a slide."""
-
-    name = "joint"
-    says = "passive, the default"
-
-
-class Screw(BodyJointKind):
-    """A nut on a screw: it turns about an axis and moves ``pitch_mm`` along it in one turn."""
-
-    name, keys = "screw", ("axis", "pitch_mm")
-    says = "passive: turns about `axis` and moves along it by `pitch_mm` in a turn (left-hand: negative)"
-
-    def motions(self, table: BodyJointTable) -> list[Motion]:
-        """See `BodyJointKind`."""
-        return [Motion("-slide", table.axis, slides=True), Motion("-turn", table.axis)]
-
-    def couplings(self, table: BodyJointTable) -> list[Content]:
-        """See `BodyJointKind`."""
-        lead = (table.pitch_mm or 0.0) / (2.0 * np.pi)
-        terms = [{"joint": f"{table.name}-slide", "weight": 1.0}, {"joint": f"{table.name}-turn", "weight": -lead}]
-        return [{"name": f"{table.name}-thread", "terms": terms}]
-
-
-class Cylindrical(BodyJointKind):
-    """A round guide: it turns about an axis and slides along it."""
-
-    name = "cylindrical"
-    says = "passive: turns about `axis` and slides along it"
-
-    def motions(self, table: BodyJointTable) -> list[Motion]:
-        """See `BodyJointKind`."""
-        return [Motion("-slide", table.axis, slides=True), Motion("-turn", table.axis)]
-
-
-class Universal(BodyJointKind):
-    """Two crossed hinges."""
-
-    name, keys = "universal", ("axes",)
-    says = "passive: two hinges about the two `axes`"
-
-    def motions(self, table: BodyJointTable) -> list[Motion]:
-        """See `BodyJointKind`."""
-        return [Motion(f"-{i}", axis) for i, axis in enumerate(table.axes or [], 1)]
-
-
-class Planar(BodyJointKind):
-    """A plate on a plane: it slides in the plane across an axis, and turns about the axis."""
-
-    name = "planar"
-    says = "passive: slides in the plane across `axis`, and turns about it"
-
-    def motions(self, table: BodyJointTable) -> list[Motion]:
-        """See `BodyJointKind`."""
-        axis = table.axis
-        first = np.cross(np.eye(3)[int(np.argmin(np.abs(axis)))], axis)
-        first /= np.linalg.norm(first)
-        return [Motion("-1", first, True), Motion("-2", np.cross(axis, first), True), Motion("-turn", axis)]
-
-
-class Ball(BodyJointKind):
-    """Three hinges through one point, about the axes of the world as drawn."""
-
-    name, keys, place_only = "ball", (), True
-    says = "passive: three hinges through one point"
-
-    def motions(self, table: BodyJointTable) -> list[Motion]:
-        """See `BodyJointKind`."""
-        return [Motion(f"-{name}", axis) for name, axis in zip("xyz", np.eye(3), strict=True)]
+def _in_a_plane(table: BodyJointTable) -> list[Motion]:
+    axis = table.axis
+    first = np.cross(np.eye(3)[int(np.argmin(np.abs(axis)))], axis)
+    first /= np.linalg.norm(first)
+    return [Motion("-1", first, True), Motion("-2", np.cross(axis, first), True), Motion("-turn", axis)]
 
 
 JOINT_KINDS: Mapping[str, BodyJointKind] = {
-    kind.name: kind
-    for kind in (
-        Actuated(), Coupled(), Weld(), Passive(), Screw(), Cylindrical(), Universal(), Planar(), Ball(),
-    )
+    "actuated": BodyJointKind("driven", _single, part="actuated"),
+    "coupled": BodyJointKind("follows others by its ratios `to`", _single, part="coupled", given=False),
+    "weld": BodyJointKind("holds all", lambda _: [], keys=(), given=False),
+    "joint": BodyJointKind("passive, the default", _single),
+    "screw": BodyJointKind(
+        "passive: turns about `axis` and moves along it by `pitch_mm` in a turn (left-hand: negative)",
+        _slide_and_turn, keys=("axis", "pitch_mm"),
+    ),
+    "cylindrical": BodyJointKind("passive: turns about `axis` and slides along it", _slide_and_turn),
+    "universal": BodyJointKind(
+        "passive: two hinges about the two `axes`",
+        lambda table: [Motion(f"-{i}", axis) for i, axis in enumerate(table.axes or [], 1)], keys=("axes",),
+    ),
+    "planar": BodyJointKind("passive: slides in the plane across `axis`, and turns about it", _in_a_plane),
+    "ball": BodyJointKind(
+        "passive: three hinges through one point",
+        lambda _: [Motion(f"-{name}", axis) for name, axis in zip("xyz", np.eye(3), strict=True)],
+        keys=(), place_only=True,
+    ),
 }  # fmt: skip
 """By name. Loops are cut at a joint of the last kind, where a closure has the least to hold."""
 OWN_KEYS = ("axis", "axes", "pitch_mm")
@@ -241,6 +160,13 @@ def check_keys(table: BodyJointTable) -> None:
         raise ValueError(
             f"joint '{table.name}': a joint of kind '{table.kind}' takes no drawn: it is drawn at zero"
         )
+
+
+def _thread(table: BodyJointTable) -> Content:
+    """The coupling between the two elementary joints of a screw, as a chain file has it."""
+    lead = (table.pitch_mm or 0.0) / (2.0 * np.pi)
+    terms = [{"joint": f"{table.name}-slide", "weight": 1.0}, {"joint": f"{table.name}-turn", "weight": -lead}]
+    return {"name": f"{table.name}-thread", "terms": terms}
 
 
 def joint_parts(table: BodyJointTable, sign: int) -> list[Content]:
@@ -416,7 +342,7 @@ def _document(table: BodyFile) -> Content:
         "point_springs": [_spring(tree, spring) for spring in table.point_springs],
         "couplings": [
             *(coupling.model_dump(exclude_unset=True) for coupling in table.couplings),
-            *(row for joint in table.joints for row in JOINT_KINDS[joint.kind].couplings(joint)),
+            *(_thread(joint) for joint in table.joints if joint.pitch_mm is not None),
         ],
         "postures": {DRAWN: drawn}, "poses": dict(table.poses),
     }  # fmt: skip
@@ -424,11 +350,7 @@ def _document(table: BodyFile) -> Content:
 
 
 def _postures(table: BodyFile, drawn: ModelFile) -> dict[str, dict[str, float]]:
-    """Coordinates of all joints in the file's own postures, of which it gives the held joints'.
-
-    Raises:
-        ValueError: a joint that is none, or the loops do not close.
-    """
+    """Coordinates of all joints in the file's own postures, of which it gives the held joints'."""
     machine, home = drawn.chain(), drawn.given(DRAWN)
     closing = Closing(machine, DRAWN) if table.postures and machine.closes else None
     result = {}
@@ -465,11 +387,7 @@ def _joint(table: BodyJointTable) -> _Edge:
 
 
 def _refuse_names(bodies: list[str], edges: list[_Edge], table: BodyFile) -> None:
-    """Refuse names that stand twice, and bodies that are none.
-
-    Raises:
-        ValueError: naming them.
-    """
+    """Refuse names that stand twice, and bodies that are none."""
     names = [*bodies, *(edge.table.name for edge in edges), END]
     twice = sorted({name for name in names if names.count(name) > 1})
     if twice:
@@ -564,11 +482,7 @@ def _sided(tree: _BodyTree, table: BodyJointTable | BodyBeamTable) -> str:
 
 
 def _riding_part(tree: _BodyTree, table: BodyJointTable) -> str:
-    """Add the part of a joint that rides on a beam, which begins where the beam does; its name.
-
-    Raises:
-        ValueError: there is no such beam of the joint's first body, or the joint is drawn beside it.
-    """
+    """Add the part of a joint that rides on a beam, which begins where the beam does; its name."""
     own = dict(table.model_extra or {})
     beams = {edge.table.name: edge for edge in tree.edges if edge.kind == "beam"}
     name = own["rides_on"]
@@ -626,11 +540,7 @@ def _link(name: str, shift: Array, turns: list[Content] | None = None) -> Conten
 
 
 def _section_axes(table: BodyBeamTable, along: Array) -> Array:
-    """Rotation ``(3, 3)`` to the axes of a section, x along the beam.
-
-    Raises:
-        ValueError: the section's y would be along the beam.
-    """
+    """Rotation ``(3, 3)`` to the axes of a section, x along the beam."""
     x = along / np.linalg.norm(along)
     wanted = table.y_axis
     if wanted is None:

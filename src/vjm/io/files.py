@@ -109,11 +109,7 @@ def write_together(contents: Mapping[Path, str | bytes]) -> None:
 
 
 def _pour(device: Path, content: str | bytes) -> None:
-    """Write to a device or a pipe, which cannot be put in place whole.
-
-    Raises:
-        OSError: it takes no more.
-    """
+    """Write to a device or a pipe, which cannot be put in place whole."""
     try:
         with device.open("wb") as file:
             file.write(content.encode() if isinstance(content, str) else content)

@@ -134,11 +134,7 @@ def _with_limits_in_order(spec: Specification) -> list[Any]:
 
 
 def _with_possible_moments(spec: Specification) -> list[tuple[Any, bool, tuple[Any, Any]]]:
-    """Replace the moments of inertia in a specification that no body has.
-
-    Returns:
-        Bodies, whether they have full tensors, and what they had and have.
-    """
+    """Replace the moments of inertia in a specification that no body has."""
     # only here, for most files need none of it
     import numpy as np
 

@@ -11,13 +11,12 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, TypeAlias, 
 
 import numpy as np
 import pydantic
-from pydantic import BeforeValidator, Discriminator, Field, Tag, create_model, field_validator, model_validator
+from pydantic import Discriminator, Field, Tag, create_model, field_validator, model_validator
 
 from vjm.io import checks
 from vjm.io.catalogues import COLUMN_OF_NAME, catalogue
 from vjm.io.errors import ModelFileError, did_you_mean, one_line
 from vjm.io.fields import Axis, Label, Matrix6, PartName, Table, Turns, VectorMM, rotation
-from vjm.io.findings import read_on
 from vjm.io.inertia import InertiaKgMM2, inertia_matrix
 from vjm.model import parts
 from vjm.model.joint_limits import LARGEST_TURN, said_beyond, said_turned
@@ -328,11 +327,7 @@ class PayloadTable(PartTable):
 
 
 def _own_law(law: AnyLaw | None, table: PartTable, *keys: str, slides: bool) -> Law | None:
-    """The law that a table says, if it says one; keys are those that say the same by one number.
-
-    Raises:
-        ValueError: the law is none, or one of the keys stands beside it.
-    """
+    """The law that a table says, if it says one; keys are those that say the same by one number."""
     for key in keys:
         if law is not None and getattr(table, key):
             raise ValueError(f"has a law and {key}, which say the same: give one of them")
@@ -574,7 +569,7 @@ class CoupledTable(MovingTable):
     to: dict[PartName, float] = Field(min_length=1, description="ratios to other joints by their names")
     offset_rad: float = 0.0
     offset_mm: float = 0.0
-    coupling: Annotated[Literal["as deflected", "as commanded"], BeforeValidator(read_on("coupling"))] = Field(
+    coupling: Literal["as deflected", "as commanded"] = Field(
         "as deflected",
         description=(
             "whether what the others' springs add about their own axes is passed on, as by a belt between the "

@@ -362,14 +362,7 @@ def _attachment(leg: LegTable, body: PlatformTable | PlatformBodyTable | None) -
 
 
 def _parts(leg: LegTable, content: Content, chain: Machine, *, own_numbers: bool) -> list[Content]:
-    """The parts of a leg, its root first and the joint of its drive among them.
-
-    Args:
-        leg: of the machine.
-        content: of its chain's document.
-        chain: of that document.
-        own_numbers: whether the beams keep the numbers of springs that their own file asks for.
-    """
+    """The parts of a leg, its root first and the joint of its drive among them."""
     names = [part.name for part in chain.parts]
     taken = next((name for name in names if name in (ROOT, ATTACHMENT)), None)
     if taken is not None:
@@ -414,11 +407,7 @@ def _parts(leg: LegTable, content: Content, chain: Machine, *, own_numbers: bool
 
 
 def _drive(leg: LegTable, chain: Machine) -> list[Content]:
-    """The table of the joint that drives a leg, named by the leg, along an actuator's axis or about a given one.
-
-    Raises:
-        ValueError: its limits are exchanged, there is no such part, or it is no actuator and no axis is given.
-    """
+    """The table of the joint that drives a leg, named by the leg, along an actuator's axis or about a given one."""
     if leg.drive is None:
         return []
     names = [part.name for part in chain.parts]

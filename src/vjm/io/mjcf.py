@@ -65,11 +65,7 @@ class ConstrainedModel:
         return self._name("JOINT", joint) or f"{self._bodies[int(self._model.jnt_bodyid[joint])]}-joint-{joint}"
 
     def _slides(self, joint: int) -> bool:
-        """Whether a joint slides.
-
-        Raises:
-            ModelFileError: it neither slides nor turns about one axis.
-        """
+        """Whether a joint slides."""
         kind = int(self._model.jnt_type[joint])
         types = self._mujoco.mjtJoint
         if kind in (int(types.mjJNT_FREE), int(types.mjJNT_BALL)):
@@ -155,11 +151,7 @@ class ConstrainedModel:
         return {joint: numbers[mimic.joint] for joint, mimic in self._mimics.items()}
 
     def _driven_joints(self, taken: list[int]) -> set[int]:
-        """Joints that an actuator holds: its own, those that follow or lead it, and what its tendon moves.
-
-        Raises:
-            ModelFileError: of a machine with loops, one drive holds a sum of joints that move independently.
-        """
+        """Joints that an actuator holds: its own, those that follow or lead it, and what its tendon moves."""
         model, kinds, leads = self._model, self._mujoco.mjtTrn, self._leads()
         by_joint = (int(kinds.mjTRN_JOINT), int(kinds.mjTRN_JOINTINPARENT))
         held, others = set[int](), list[int]()
@@ -611,11 +603,7 @@ class _MjcfReader(SprungModel):
         return tuple(inertia_values(METRE**2 * R @ np.diag(moments) @ R.T))
 
     def _balanced(self) -> bool:
-        """Say that MuJoCo changed moments of inertia, of shapes; whether all are left out in place of that.
-
-        Raises:
-            ModelFileError: they are neither.
-        """
+        """Say that MuJoCo changed moments of inertia, of shapes; whether all are left out in place of that."""
         problem = f"a body's shapes have {NO_BODYS}"
         remedy = "give it an <inertial>, or say `validate import` without --strict"
         return not self._notes.repaired(
@@ -626,11 +614,7 @@ class _MjcfReader(SprungModel):
         )
 
     def _repair(self, index: int) -> bool:
-        """Say that the file's moments of inertia were repaired; whether they are left out in place of that.
-
-        Raises:
-            ModelFileError: they are neither.
-        """
+        """Say that the file's moments of inertia were repaired; whether they are left out in place of that."""
         name = self._bodies[index]
         where, (given, new) = f"body '{name}'", self._repaired[index]
         if is_of_a_body(inertia_values(given)):

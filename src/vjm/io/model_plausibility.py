@@ -15,7 +15,7 @@ import numpy as np
 from vjm.io.checks import EXCHANGED, SWAPPED, bending_apart, fits_exchanged
 from vjm.io.errors import ModelFileError, printed
 from vjm.io.fields import LONGEST_MM, StiffnessSection, Turns
-from vjm.io.findings import Finding, Grade, old_words, worst_first
+from vjm.io.findings import Finding, Grade, worst_first
 from vjm.io.joint_tables import (
     CALIBRATED,
     ActuatedTable,
@@ -325,11 +325,7 @@ def findings_of(name_or_path: Model) -> list[Finding]:
 
 
 def _as_used(document: ModelDocument, legs: Sequence[LegTable]) -> dict[str, Any]:
-    """A chain's document with the postures alone in which legs stand: labels of its own, or coordinates at home.
-
-    Raises:
-        ModelFileError: it has no posture of the label.
-    """
+    """A chain's document with the postures alone in which legs stand: labels of its own, or coordinates at home."""
     content = document.content
     own = content["postures"]
     used: dict[str, Any] = {}
@@ -362,8 +358,7 @@ def model_findings(content: Mapping[str, Any], file: str, *, may_be_rigid: bool 
         ModelFileError: it is not sound.
     """
     model = checked(content, file, may_be_rigid=may_be_rigid)
-    findings = (Finding(g, f"{file}: {w}", t) for rule in RULES for g, w, t in rule(model))
-    return worst_first([*old_words(content, file), *findings])
+    return worst_first(Finding(g, f"{file}: {w}", t) for rule in RULES for g, w, t in rule(model))
 
 
 def weight_findings(machine: Machine, file: str) -> list[Finding]:

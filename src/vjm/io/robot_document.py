@@ -83,11 +83,7 @@ def robot_document(robot: Robot, tip: str | None = None) -> Imported:
 
 
 def _refuse_implausible(robot: Robot) -> None:
-    """Refuse what no machine weighs or how far apart no joints are; doubt masses that lie as far away.
-
-    Raises:
-        ModelFileError: naming the link or the joint.
-    """
+    """Refuse what no machine weighs or how far apart no joints are; doubt masses that lie as far away."""
     for body in robot.bodies.values():
         said = f"link '{body.name}' has a mass of {printed(body.mass)} kg, above"
         if body.mass > HEAVIEST:
@@ -311,11 +307,7 @@ class _Writer:
             self._notes.doubtful.append(f"moving links without mass: {', '.join(light)}; they weigh nothing")
 
     def _home(self) -> dict[str, float]:
-        """The posture nearest zero in which each joint, and each that follows it, is within its limits.
-
-        Raises:
-            ModelFileError: the limits of joints that follow one another leave none.
-        """
+        """The posture nearest zero in which each joint, and each that follows it, is within its limits."""
         held = [table for table in self._parts if table["kind"] in ("actuated", "coupled") or set(table) & SPRUNG]
         tables = {table["name"]: table for table in held}
         # each joint's coordinate is a share of a driven one, and an offset

@@ -497,14 +497,7 @@ class DescribedTree(ABC):
     def _mimic_numbers(
         self, place: FilePlace, element: XmlElement, unit: Decimal, own: Decimal
     ) -> tuple[float, float]:
-        """Ratio and offset of a joint that follows another.
-
-        Args:
-            place: for messages.
-            element: that says so.
-            unit: of the ratio, in mm and rad.
-            own: the same for the offset.
-        """
+        """Ratio and offset of a joint that follows another."""
 
     # --- which links and joints ---------------------------------------------------------------------------
 
@@ -630,17 +623,7 @@ class DescribedTree(ABC):
     # --- what they say ------------------------------------------------------------------------------------
 
     def _moments(self, name: str, place: FilePlace, values: Sequence[float], R: Array) -> tuple[float, ...]:
-        """Moments of inertia in the axes of a link, kg mm²; empty, and said, where no body has them.
-
-        Args:
-            name: of the link.
-            place: of them.
-            values: ``ixx, iyy, izz, ixy, ixz, iyz`` in axes of their own, kg mm².
-            R: ``(3, 3)``, these axes in those of the link.
-
-        Raises:
-            ModelFileError: no body has them, and that is to be refused.
-        """
+        """Moments of inertia in the axes of a link, kg mm²; empty, and said, where no body has them."""
         if not any(values):
             return ()
         own = inertia_matrix(values)

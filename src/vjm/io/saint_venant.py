@@ -213,14 +213,7 @@ class _Mesh:
         return ratio * along_y + along_z / ratio
 
     def _solve(self, right: Array, zero: Array, tied: Array, more: float = 0.0) -> Array:
-        """Nodal values ``(elements, n, n)`` of a Poisson problem.
-
-        Args:
-            right: ``(elements, n, n)``, its right side, node by node.
-            zero: nodes ``(elements, n, n)`` that are zero.
-            tied: nodes that have one value.
-            more: of the right side, on the tied ones.
-        """
+        """Nodal values ``(elements, n, n)`` of a Poisson problem."""
         # scipy's sparse matrices take a tenth of a second to import, which most models need not
         from scipy.sparse import csc_matrix
         from scipy.sparse.linalg import splu
@@ -483,11 +476,7 @@ def _distance(starts: Array, ends: Array, points: Array) -> Array:
 
 
 def _width(loops: Sequence[Array]) -> float:
-    """Of the widest element.
-
-    Raises:
-        ValueError: it is too slender.
-    """
+    """Of the widest element."""
     starts, ends, _ = _edges(loops)
     size = float(np.ptp(loops[0], axis=0).max())
     # from the middle of each border across the material to another one
@@ -599,11 +588,7 @@ class _Triangles:
         return points[far > 0.5 * self._size(points)]
 
     def _triangles(self) -> tuple[Array, np.ndarray]:
-        """Corners ``(p, 2)`` and triangles ``(t, 3)`` that fill the polygon.
-
-        Raises:
-            ValueError: none were found.
-        """
+        """Corners ``(p, 2)`` and triangles ``(t, 3)`` that fill the polygon."""
         from scipy.spatial import Delaunay
 
         border = self._border()

@@ -331,11 +331,7 @@ class ModelFile(Table):
         return self
 
     def _refuse_far(self, names: list[str]) -> None:
-        """Refuse links beyond a machine's length, unless they lead along axes and back.
-
-        Raises:
-            ValueError: naming the link.
-        """
+        """Refuse links beyond a machine's length, unless they lead along axes and back."""
         steps, before = list[PlacedPiece](), self.predecessors
         for part in self.parts:
             behind = before[part.name]

@@ -279,11 +279,7 @@ def sdf_robot(xml: XmlFile, file: str, tip: str | None = None, reading: Reading 
 
 
 def _model(root: XmlElement, file: str, notes: Notes) -> XmlElement:
-    """The one model of a file that moves.
-
-    Raises:
-        ModelFileError: there is none, or several.
-    """
+    """The one model of a file that moves."""
     world = root.first("world")
     if len(root.all("world")) > 1:
         raise ModelFileError(f"{file}: has {len(root.all('world'))} worlds: keep one")
@@ -353,14 +349,7 @@ class _SdfReader(DescribedTree):
     # --- links, joints and frames of a model --------------------------------------------------------------
 
     def _read_model(self, model: XmlElement, scope: str, base: str, outer: str) -> None:
-        """Take the links, joints and frames of a model and of those in it.
-
-        Args:
-            model: the element.
-            scope: what stands before their names.
-            base: frame in which the model is placed.
-            outer: scope of the model around it.
-        """
+        """Take the links, joints and frames of a model and of those in it."""
         self._models.append(model)
         own = scope + MODEL
         place = FilePlace(self._file, f"model '{scope.removesuffix(NESTED) or self._title}'", model.line)

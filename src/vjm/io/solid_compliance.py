@@ -185,9 +185,6 @@ def _check_rest(content: Mapping[str, Any], parts: list[Any], file: str) -> None
     """Refuse what is wrong with a document beside its drawings, before any of these is computed.
 
     A part has any section here in the place of its drawing.
-
-    Raises:
-        ModelFileError: one line.
     """
     drawn = [isinstance(part, dict) and isinstance(part.get("compliance"), dict) for part in parts]
     if not any(drawn):

@@ -171,11 +171,7 @@ def _document(file: Path) -> dict[str, JointStiffness]:
 
 
 def _table(file: Path) -> dict[str, JointStiffness]:
-    """What a CSV file says of joints, by their names; empty cells say nothing.
-
-    Raises:
-        ModelFileError: it cannot be read, or a cell or a column of it; the message names the line and the column.
-    """
+    """What a CSV file says of joints, by their names; empty cells say nothing."""
     text = small_text(file, LARGEST, "no robot has so many joints")
     head = text.lstrip().split("\n", 1)[0]
     reader = csv.reader(text.splitlines(), delimiter=next((mark for mark in (";", "\t") if mark in head), ","))

@@ -199,11 +199,7 @@ class _DriveReader:
         self._found.read.add(id(gain))
 
     def _takes(self, place: FilePlace, joint: str) -> bool:
-        """Whether a joint moves and is taken.
-
-        Raises:
-            ModelFileError: there is none of this name.
-        """
+        """Whether a joint moves and is taken."""
         if joint not in self._known:
             raise place.error(f"names the joint '{joint}', which is not there{did_you_mean(joint, self._known)}")
         return joint in self._joints

@@ -16,13 +16,11 @@ from vjm.continuation.arc_length import trace
 from vjm.continuation.lumped_problem import LumpedProblem
 from vjm.engines import VjmEngine
 from vjm.io.files import toml_text
-from vjm.io.findings import CAUSES, CAUSES_UNTIL, RENAMED, UNTIL, present_causes, present_document
+from vjm.io.findings import CAUSES, CAUSES_UNTIL, present_causes, present_document
 from vjm.io.joint_tables import CoupledTable
 from vjm.io.model_file import ModelFileError, build_chain, load_chain, read_document
-from vjm.io.model_plausibility import model_findings
 from vjm.model.load_case import LoadCase
 from vjm.model.parameters import beam_length
-from vjm.model.parts import Joint
 from vjm.sensitivity import wrench_sensitivity
 from vjm_fea.exudyn.engine import ExudynEngine
 from vjm_updating.mechanisms.equilibrium_tables import HalfRay, tabulate
@@ -182,46 +180,17 @@ def test_the_file_says_how_many_springs():
     assert replace(chain, link_segments=None).parts == chain.parts
 
 
-# Old words of model files are read for one release, and said; the table is right in what it says.
+# Old names of causes are read for one release, and said; the table is right in what it says.
 
 
-UNITS = {"length": "mm", "force": "N", "angle": "rad"}
-
-
-def arm(coupling: str) -> dict:
-    """An arm whose second joint follows the first."""
-    first = {"kind": "actuated", "name": "a", "axis": "z", "compliance_rad_per_Nmm": 1e-8}
-    second = {"kind": "coupled", "name": "b", "axis": "z", "to": {"a": -1.0}, "coupling": coupling}
-    links = [{"kind": "link", "name": name, "translation_mm": [300.0, 0.0, 0.0]} for name in "cd"]
-    return {
-        "format": 1, "name": "arm", "title": "Arm", "source": "made up", "units": UNITS,
-        "parts": [first, links[0], second, links[1]], "postures": {"home": {"a": 0.3}},
-    }  # fmt: skip
-
-
-@pytest.mark.parametrize(("old", "new"), RENAMED["coupling"].items())
-def test_an_old_word_is_read_and_said(old, new):
-    couplings = [
-        next(
-            part.coupling
-            for part in build_chain(arm(word), "arm.toml").parts
-            if isinstance(part, Joint) and part.coupling is not None
-        )
-        for word in (old, new)
-    ]
-    assert all(coupling.as_deflected for coupling in couplings)
-    said = " ".join(map(str, model_findings(arm(old), "arm.toml")))
-    assert f"arm.toml: part 'b', coupling: '{old}' is now called '{new}'" in said
-    assert "is now called" not in " ".join(map(str, model_findings(arm(new), "arm.toml")))
-
-
-def test_other_words_are_refused_by_the_present_ones():
+@pytest.mark.parametrize("word", ["as bended", "as bent"])
+def test_other_words_are_refused_by_the_present_ones(word):
     with pytest.raises(ValueError, match="as deflected"):
-        CoupledTable(kind="coupled", name="b", axis="z", to={"a": 1.0}, coupling="as bended")
+        CoupledTable(kind="coupled", name="b", axis="z", to={"a": 1.0}, coupling=word)
 
 
 def test_old_words_go_with_the_version_that_is_said():
-    assert Version(vjm.__version__) < min(Version(UNTIL), Version(CAUSES_UNTIL))
+    assert Version(vjm.__version__) < Version(CAUSES_UNTIL)
 
 
 @pytest.mark.parametrize(("old", "new"), CAUSES.items())
