@@ -12,10 +12,9 @@ from dataclasses import dataclass, field
 from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
-import pydantic
 from pydantic import AfterValidator, ConfigDict, Field, WithJsonSchema
 
-from vjm.io.errors import ModelFileError, did_you_mean, one_line
+from vjm.io.errors import did_you_mean, naming, validated
 from vjm.io.fields import Axis, Label, Table, VectorMM
 from vjm.io.joint_tables import CouplingTable, Mass, PointSpringTable, Poses
 from vjm.io.schema import ModelFile, known_keys
@@ -303,19 +302,12 @@ def chain_document(content: Mapping[str, Any], file: str) -> Content:
     Raises:
         ModelFileError: it describes no machine; one line that says how to correct it.
     """
-    try:
-        table = BodyFile.model_validate(content)
-    except pydantic.ValidationError as error:
-        said = one_line(error, content, lambda name: list(_TABLES.get(name, BodyFile).model_fields))
-        raise ModelFileError(f"{file}: {said}") from error
-    try:
+    table = validated(BodyFile, content, file, lambda name: _TABLES.get(name, BodyFile).model_fields)
+    with naming(file):
         result = _document(table)
-        result["postures"] |= _postures(table, ModelFile.model_validate(result))
-    except pydantic.ValidationError as error:
-        raise ModelFileError(f"{file}: {one_line(error, result, known_keys)}") from error
-    except ValueError as error:
-        raise ModelFileError(f"{file}: {error}") from error
-    return result
+    drawn = validated(ModelFile, result, file, known_keys)
+    with naming(file):
+        return result | {"postures": result["postures"] | _postures(table, drawn)}
 
 
 def _document(table: BodyFile) -> Content:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Mapping
 from importlib import resources
 from importlib.resources.abc import Traversable
@@ -10,12 +9,13 @@ from pathlib import Path
 from typing import TypeAlias
 
 from vjm.io.errors import ModelFileError, did_you_mean
-from vjm.io.files import parse_toml
+from vjm.io.files import csv_rows, parse_toml, toml_content
 
 Row: TypeAlias = Mapping[str, float | str]
 """What a standard part is, by key."""
 COLUMN_OF_NAME = "name"
 """For people; it does not go into the machine."""
+NO_ROWS = "has no rows: give one for each part that there is"
 COLUMN_OF_COST = "cost"
 """Of a part, in the user's currency; it does not go into the machine either."""
 
@@ -58,7 +58,7 @@ def catalogue(name_or_path: str | Path) -> list[Row]:
     where, text = _text(name_or_path)
     rows = _from_csv(where, text) if where.endswith(".csv") else _from_toml(where, text)
     if not rows:
-        raise ModelFileError(f"{where}: has no rows: give one for each part that there is")
+        raise ModelFileError(f"{where}: {NO_ROWS}")
     return rows
 
 
@@ -84,13 +84,11 @@ def _text(name_or_path: str | Path) -> tuple[str, str]:
 
 
 def _from_csv(where: str, text: str) -> list[Row]:
-    lines = [line for line in text.splitlines() if line.strip() and not line.startswith("#")]
-    header, *rows = ([cell.strip() for cell in row] for row in csv.reader(lines or [""]))
     records: list[Row] = []
-    for number, row in enumerate(rows, start=1):
-        if len(row) != len(header) or not all(row):
-            raise ModelFileError(f"{where}, row {number}: needs a value for each of {', '.join(header)}")
-        records.append({key: _cell(cell) for key, cell in zip(header, row, strict=True)})
+    for place, row in csv_rows(text, where, lambda cells, _: cells, NO_ROWS):
+        if not all(row.values()):
+            raise ModelFileError(f"{place}: needs a value for each of {', '.join(row)}")
+        records.append({key: _cell(cell) for key, cell in row.items()})
     return records
 
 
@@ -102,10 +100,7 @@ def _cell(text: str) -> float | str:
 
 
 def _from_toml(where: str, text: str) -> list[Row]:
-    try:
-        content = parse_toml(text)
-    except ValueError as error:
-        raise ModelFileError(f"{where}: not valid TOML: {' '.join(str(error).split())}") from error
+    content = toml_content(text, where)
     rows = content.get("rows", [])
     common = dict(content.get("all", {}))
     if not isinstance(rows, list) or not all(isinstance(row, Mapping) for row in rows):

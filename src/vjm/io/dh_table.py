@@ -15,12 +15,11 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-import pydantic
 from pydantic import Field, model_validator
 
-from vjm.io.errors import ModelFileError, did_you_mean, one_line, printed
+from vjm.io.errors import ModelFileError, did_you_mean, printed, validated
 from vjm.io.fields import LONGEST_MM, Table
-from vjm.io.files import parse_toml, small_text, toml_line, toml_text
+from vjm.io.files import csv_rows, small_text, toml_content, toml_line, toml_text
 from vjm.io.robot import Body, Kind, Notes, Placing, Reading, Robot, RobotJoint, turned
 from vjm.io.robot_xml import WHOLE_TURN, FilePlace, in_order, usable_limits
 from vjm.rotations import Array, frame, inverse_frame, roll_pitch_yaw
@@ -526,14 +525,10 @@ def read_table(path: Path) -> DhTable:
         ModelFileError: see `dh_robot`.
     """
     text, file = table_text(path), path.name
-    content = _csv_content(text, file) if path.suffix.lower() == ".csv" else _toml_content(text, file)
+    content = _csv_content(text, file) if path.suffix.lower() == ".csv" else toml_content(text, file)
     if "parts" in content:
         raise ModelFileError(f"{file}: is a model file: all commands read it as it is")
-    try:
-        table = DhFile.model_validate(content)
-    except pydantic.ValidationError as error:
-        said = one_line(error, content, lambda name: _KEYS.get(name, DhFile).model_fields)
-        raise ModelFileError(f"{file}: {said}") from error
+    table = validated(DhFile, content, file, lambda name: _KEYS.get(name, DhFile).model_fields)
     mm, rad = MM[table.units.length], RADIANS[table.units.angle]
     rows = []
     for k, row in enumerate(table.joints, start=1):
@@ -557,38 +552,11 @@ def _placing(table: DhFrame | None, mm: float, rad: float) -> Placing:
     return Placing((x, y, z), tuple((axis, angles[k]) for axis, k in _AXES if angles[k]))
 
 
-def _toml_content(text: str, file: str) -> dict[str, Any]:
-    try:
-        return parse_toml(text)
-    except ValueError as error:
-        raise ModelFileError(f"{file}: {error}") from error
-
-
 def _csv_content(text: str, file: str) -> dict[str, Any]:
-    lines = text.splitlines()
-    said = "\n".join(match[1] for line in lines if (match := _SAYS.match(line.strip())))
-    content = _toml_content(said, f"{file}: the comment lines at its head")
-    # comments are blanked, not taken out: the lines keep their numbers
-    plain = "\n".join("" if line.lstrip().startswith("#") else line for line in lines)
-    reader = csv.reader(io.StringIO(plain))
-    rows: list[dict[str, Any]] = []
-    head: list[str] = []
-    try:
-        for cells in reader:
-            if not any(cell.strip() for cell in cells):
-                continue
-            if not head:
-                head = _head([cell.strip() for cell in cells], f"{file}: line {reader.line_num}")
-                continue
-            where = f"{file}: line {reader.line_num}"
-            if len(cells) != len(head):
-                raise ModelFileError(f"{where}: has {len(cells)} cells, and the table has {len(head)} columns")
-            rows.append(_csv_row(dict(zip(head, (cell.strip() for cell in cells), strict=True)), where))
-    except csv.Error as error:
-        raise ModelFileError(f"{file}: line {reader.line_num}: {error}") from error
-    if not head:
-        raise ModelFileError(f"{file}: has no columns: give {', '.join(NEEDED)}")
-    return content | {"joints": rows}
+    said = "\n".join(match[1] for line in text.splitlines() if (match := _SAYS.match(line.strip())))
+    content = toml_content(said, f"{file}: the comment lines at its head")
+    rows = csv_rows(text, file, _head, f"has no columns: give {', '.join(NEEDED)}")
+    return content | {"joints": [_csv_row(cells, where) for where, cells in rows]}
 
 
 def _head(cells: list[str], where: str) -> list[str]:

@@ -5,13 +5,16 @@ from __future__ import annotations
 import difflib
 import math
 import reprlib
-from collections.abc import Callable, Iterable, Mapping
-from typing import Any, get_args
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from typing import Any, TypeVar, get_args
 
 import pydantic
 from pydantic_core import ErrorDetails
 from pydantic_core.core_schema import ErrorType
 
+Checked = TypeVar("Checked", bound=pydantic.BaseModel)
+KnownKeys = Callable[[str], Iterable[str]]
 LONGEST = 2000
 """Characters of a message; of a longer one its middle is left out."""
 
@@ -34,6 +37,19 @@ class ModelFileError(ValueError):
         super().__init__(line if len(line) <= LONGEST else f"{line[: LONGEST // 2]} … {line[-LONGEST // 2 :]}")
 
 
+@contextmanager
+def naming(where: str) -> Iterator[None]:
+    """Put a file, or what of it, before what is refused within.
+
+    Raises:
+        ModelFileError: of any other ValueError.
+    """
+    try:
+        yield
+    except ValueError as error:
+        raise ModelFileError(f"{where}: {error}") from error
+
+
 def printed(value: float, digits: int = 6) -> str:
     """A number as people write it: ``1.1e-4``, not ``0.00011`` or ``1.1e-04``."""
     value = float(f"{value:.{digits}g}")
@@ -51,9 +67,30 @@ def did_you_mean(word: str, known: Iterable[str]) -> str:
     return f"; did you mean '{close[0]}'?" if close else ""
 
 
-def one_line(
-    error: pydantic.ValidationError, document: Mapping[str, Any], known_keys: Callable[[str], Iterable[str]]
-) -> str:
+def validated(
+    kind: type[Checked], content: Mapping[str, Any], where: str, known_keys: KnownKeys | None = None,
+    context: Collection[str] = (),
+) -> Checked:  # fmt: skip
+    """A document as a table of a kind, each key of its type.
+
+    Args:
+        kind: of the table.
+        content: as TOML gives it.
+        where: the file, and what of it, for messages.
+        known_keys: see `one_line`; those of the table itself where they are left out.
+        context: of the validation.
+
+    Raises:
+        ModelFileError: a key is missing, unknown or of another type; one line.
+    """
+    try:
+        return kind.model_validate(content, context=context)
+    except pydantic.ValidationError as error:
+        said = one_line(error, content, known_keys or (lambda _: kind.model_fields))
+        raise ModelFileError(f"{where}: {said}") from error
+
+
+def one_line(error: pydantic.ValidationError, document: Mapping[str, Any], known_keys: KnownKeys) -> str:
     """The first thing that is wrong with a document, and how many more there are.
 
     Args:
@@ -68,14 +105,12 @@ def one_line(
     return _sentence(details[0], document, known_keys) + more
 
 
-def every_line(
-    details: Iterable[ErrorDetails], document: Mapping[str, Any], known_keys: Callable[[str], Iterable[str]]
-) -> list[str]:
+def every_line(details: Iterable[ErrorDetails], document: Mapping[str, Any], known_keys: KnownKeys) -> list[str]:
     """All that is wrong with a document, a line each; see `one_line`."""
     return [_sentence(detail, document, known_keys) for detail in details]
 
 
-def _sentence(detail: ErrorDetails, document: Mapping[str, Any], known_keys: Callable[[str], Iterable[str]]) -> str:
+def _sentence(detail: ErrorDetails, document: Mapping[str, Any], known_keys: KnownKeys) -> str:
     where, path, table = _place(detail["loc"], document)
     if detail["type"] == "extra_forbidden":
         *parents, key = path

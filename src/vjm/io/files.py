@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
+import csv
 import errno
 import fcntl
+import io
 import itertools
 import os
 import re
 import tempfile
 import tomllib
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
-from vjm.io.errors import ModelFileError
+from vjm.io.errors import ModelFileError, naming
 
 LOCK, UNFINISHED = ".lock", ".unfinished"
 """Name of the file by which a folder is locked; ending of files that are not whole yet."""
@@ -302,6 +304,55 @@ def parse_toml(text: str) -> dict[str, Any]:
         match = re.search(r"at line (\d+)", str(error))
         lines = text.splitlines()
         raise ValueError(f"{error}{_remedy(lines[int(match[1]) - 1] if match and lines else '')}") from None
+
+
+def toml_content(text: str, where: str) -> dict[str, Any]:
+    """The content of a text; ``where`` is its file, for messages.
+
+    Raises:
+        ModelFileError: as `parse_toml`; one line.
+    """
+    with naming(f"{where}: not valid TOML"):
+        return parse_toml(text)
+
+
+def csv_rows(
+    text: str, file: str, columns: Callable[[list[str], str], list[str]], empty: str, *, may_be_short: bool = False
+) -> Iterator[tuple[str, dict[str, str]]]:
+    """The lines of a table with commas, semicolons or tabs between cells: the place of each, and cells by column.
+
+    Lines that are empty or begin with ``#`` are none.
+
+    Args:
+        text: of the file.
+        file: its name, for messages.
+        columns: from the cells of the first line and its place, the names of the columns.
+        empty: what is said of a table without columns.
+        may_be_short: whether a line may lack cells at its end.
+
+    Raises:
+        ModelFileError: it is no such table, or a line has more cells or less; the message names the line.
+    """
+    # comments are blanked, not taken out: the lines keep their numbers
+    plain = "\n".join("" if line.lstrip().startswith("#") else line for line in text.splitlines())
+    head = plain.lstrip().split("\n", 1)[0]
+    reader = csv.reader(io.StringIO(plain), delimiter=next((mark for mark in (";", "\t") if mark in head), ","))
+    names: list[str] = []
+    try:
+        for row in reader:
+            cells, where = [cell.strip() for cell in row], f"{file}: line {reader.line_num}"
+            if not any(cells):
+                continue
+            if not names:
+                names = columns(cells, where)
+            elif len(cells) > len(names) or (len(cells) < len(names) and not may_be_short):
+                raise ModelFileError(f"{where}: has {len(cells)} cells, and the table has {len(names)} columns")
+            else:
+                yield where, dict(zip(names, cells, strict=False))
+    except csv.Error as error:
+        raise ModelFileError(f"{file}: line {reader.line_num}: {error}") from error
+    if not names:
+        raise ModelFileError(f"{file}: {empty}")
 
 
 def _remedy(line: str) -> str:

@@ -10,12 +10,11 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, TypeAlias, Union, get_type_hints
 
 import numpy as np
-import pydantic
 from pydantic import Discriminator, Field, Tag, create_model, field_validator, model_validator
 
 from vjm.io import checks
 from vjm.io.catalogues import COLUMN_OF_NAME, catalogue
-from vjm.io.errors import ModelFileError, did_you_mean, one_line
+from vjm.io.errors import did_you_mean, validated
 from vjm.io.fields import Axis, Label, Matrix6, PartName, Table, Turns, VectorMM, rotation
 from vjm.io.inertia import InertiaKgMM2, inertia_matrix
 from vjm.model import parts
@@ -121,12 +120,9 @@ class CatalogueLaw(Table):
         table = LAW_TABLES.get(str(values.get("kind")))
         if table is None:
             raise ValueError(f"{where} is no law: its kind must be one of {', '.join(LAW_TABLES)}")
+        made = validated(table, values, where)
         try:
-            return table.model_validate(values).law(slides=slides)
-        except pydantic.ValidationError as error:
-            raise ValueError(f"{where}: {one_line(error, values, lambda _: list(table.model_fields))}") from None
-        except ModelFileError:
-            raise
+            return made.law(slides=slides)
         except ValueError as error:
             raise ValueError(f"{where}: {error}") from None
 

@@ -5,13 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-import pydantic
-
-from vjm.io.errors import ModelFileError, one_line
+from vjm.io.errors import naming, validated
 from vjm.io.manipulator_file import (
     KIND,
     Legs,
-    ManipulatorFile,
     leg_chain,
     leg_document,
     legs_document,
@@ -104,7 +101,7 @@ def as_one_chain(document: ModelDocument, folder: Legs) -> ModelDocument:
     file, table = document.file, read_table(document)
     chains: dict[str, tuple[dict[str, Any], Machine]] = {}
     files = dict(document.files)
-    try:
+    with naming(file):
         for leg in table.legs:
             if leg.chain not in chains:
                 chain = leg_chain(leg.chain, folder, may_be_rigid=True)
@@ -116,24 +113,18 @@ def as_one_chain(document: ModelDocument, folder: Legs) -> ModelDocument:
                 "nothing deflects: no leg has a beam, a joint with a compliance, or a spring on a point; add one"
             )
         content = legs_document(table, chains)
-        (home,) = content["postures"]
-        machine = ModelFile.model_validate(content).as_written()
+    (home,) = content["postures"]
+    written = validated(ModelFile, content, file, known_keys)
+    with naming(file):
         end = frame(rotation(table.platform.turns), table.platform.position_mm)
         try:
-            closing = Closing(machine, home, end)
+            closing = Closing(written.as_written(), home, end)
         except PoseError as error:
-            raise PoseError(f"posture '{home}': {error}{_perhaps(table)}") from error
+            # what is implausible about how legs stand may be why loops do not close
+            perhaps = "".join(f". {where}: {what}" for _, where, what in standing_findings(table))
+            raise PoseError(f"posture '{home}': {error}{perhaps}") from error
         content["postures"][home] = dict(zip(closing.tree.names, closing.home.tolist(), strict=True))
-    except pydantic.ValidationError as error:
-        raise ModelFileError(f"{file}: {one_line(error, content, known_keys)}") from error
-    except ValueError as error:
-        raise ModelFileError(f"{file}: {error}") from error
     return ModelDocument(file, content, files)
-
-
-def _perhaps(table: ManipulatorFile) -> str:
-    """What is implausible about how legs stand, which may be why loops do not close; empty where nothing is."""
-    return "".join(f". {where}: {what}" for _, where, what in standing_findings(table))
 
 
 def is_legs(name_or_path: Model) -> bool:

@@ -12,12 +12,11 @@ from pathlib import Path
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
-import pydantic
 
 from vjm.io.body_file import KIND as BODIES
 from vjm.io.body_file import chain_document
-from vjm.io.errors import ModelFileError, did_you_mean, one_line
-from vjm.io.files import parse_toml
+from vjm.io.errors import ModelFileError, did_you_mean, naming, validated
+from vjm.io.files import toml_content
 from vjm.io.provenance import digest
 from vjm.io.schema import MAY_BE_RIGID, ModelFile, known_keys
 from vjm.io.solid_compliance import expanded, solid_key_schema
@@ -181,10 +180,8 @@ def build_chain(
     if content.get("kind") == "manipulator":
         raise ModelFileError(f"{file}: is a whole manipulator, and this takes one chain: give the file of a leg's")
     table = checked(content, file, may_be_rigid=may_be_rigid)
-    try:
+    with naming(file):
         return table.chain(files)
-    except ValueError as error:
-        raise ModelFileError(f"{file}: {error}") from error
 
 
 def checked(content: Mapping[str, Any], file: str, *, may_be_rigid: bool = False) -> ModelFile:
@@ -198,10 +195,7 @@ def checked(content: Mapping[str, Any], file: str, *, may_be_rigid: bool = False
     Raises:
         ModelFileError: a key is missing, unknown or of another type; one line.
     """
-    try:
-        return ModelFile.model_validate(content, context={MAY_BE_RIGID} if may_be_rigid else set())
-    except pydantic.ValidationError as error:
-        raise ModelFileError(f"{file}: {one_line(error, content, known_keys)}") from error
+    return validated(ModelFile, content, file, known_keys, {MAY_BE_RIGID} if may_be_rigid else ())
 
 
 def _library_files(*folder: str) -> list[Traversable]:
@@ -222,8 +216,4 @@ def parsed(file: str, raw: bytes) -> ModelDocument:
         raise ModelFileError(f"{file}: not UTF-8 text (line {line}); save it as UTF-8") from error
     if not text.strip():
         raise ModelFileError(f"{file}: the file is empty; start from the library's orthoglide-chain.toml")
-    try:
-        content = parse_toml(text)
-    except ValueError as error:
-        raise ModelFileError(f"{file}: not valid TOML: {' '.join(str(error).split())}") from error
-    return ModelDocument(file, content, {file: digest(raw)})
+    return ModelDocument(file, toml_content(text, file), {file: digest(raw)})

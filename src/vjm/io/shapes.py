@@ -12,12 +12,11 @@ from itertools import pairwise
 from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
-import pydantic
 from pydantic import AfterValidator, Discriminator, Field, Tag, field_validator, model_validator
 
 from vjm.io import saint_venant
 from vjm.io import saint_venant as polygon_section
-from vjm.io.errors import ModelFileError, one_line, printed
+from vjm.io.errors import ModelFileError, printed, validated
 from vjm.io.fields import Density, LengthMM, StiffnessSection, Table
 from vjm.io.saint_venant import Empty, PolygonConstants, Quarter
 from vjm.model import parts
@@ -559,10 +558,7 @@ def checked_shape(table: Mapping[str, Any], where: str) -> Shape:
     kind = SHAPES.get(table["shape"])
     if kind is None:
         raise ModelFileError(f"{where}: shape = '{table['shape']}' is none of {', '.join(SHAPES)}")
-    try:
-        return kind.model_validate(table)
-    except pydantic.ValidationError as error:
-        raise ModelFileError(f"{where}: {one_line(error, table, lambda _: kind.model_fields)}") from error
+    return validated(kind, table, where)
 
 
 def _kind_of_section(raw: object) -> str:

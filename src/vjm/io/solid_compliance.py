@@ -14,7 +14,7 @@ import numpy as np
 import pydantic
 from pydantic import Field, model_validator
 
-from vjm.io.errors import ModelFileError, one_line, printed
+from vjm.io.errors import ModelFileError, printed, validated
 from vjm.io.fields import Density, Matrix6, Table, VectorMM
 from vjm.io.findings import Grade
 from vjm.io.provenance import Provenance, digest, suite
@@ -194,10 +194,7 @@ def _check_rest(content: Mapping[str, Any], parts: list[Any], file: str) -> None
         {"section": stiff} | {key: value for key, value in part.items() if key != "compliance"} if own else part
         for part, own in zip(parts, drawn, strict=True)
     ]
-    try:
-        ModelFile.model_validate({**content, "parts": rest}, context={MAY_BE_RIGID})
-    except pydantic.ValidationError as error:
-        raise ModelFileError(f"{file}: {one_line(error, content, known_keys)}") from error
+    validated(ModelFile, {**content, "parts": rest}, file, known_keys, {MAY_BE_RIGID})
 
 
 def _part(part: Any, drawings: dict[str, str], folder: Path, file: str, place: int) -> Any:  # noqa: ANN401
@@ -207,11 +204,8 @@ def _part(part: Any, drawings: dict[str, str], folder: Path, file: str, place: i
     where = (
         f"{file}: part '{part['name']}': compliance" if "name" in part else f"{file}: part {place + 1}: compliance"
     )
-    try:
-        solid = SolidTable.model_validate(table)
-    except pydantic.ValidationError as error:
-        known = [field.alias or name for name, field in SolidTable.model_fields.items()]
-        raise ModelFileError(f"{where}: {one_line(error, table, lambda _: known)}") from error
+    known = [field.alias or name for name, field in SolidTable.model_fields.items()]
+    solid = validated(SolidTable, table, where, lambda _: known)
     try:
         raw = (folder / solid.from_).read_bytes()
     except OSError as error:

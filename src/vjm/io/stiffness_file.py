@@ -13,7 +13,6 @@ A table has a row for each joint, and such columns: ``joint,stiffness_Nm_per_rad
 
 from __future__ import annotations
 
-import csv
 import math
 from pathlib import Path
 from typing import Annotated, Any
@@ -21,9 +20,9 @@ from typing import Annotated, Any
 import pydantic
 from pydantic import Field, model_validator
 
-from vjm.io.errors import ModelFileError, did_you_mean, one_line
+from vjm.io.errors import ModelFileError, did_you_mean, one_line, validated
 from vjm.io.fields import Table
-from vjm.io.files import parse_toml, small_text, toml_text
+from vjm.io.files import csv_rows, small_text, toml_content, toml_text
 from vjm.io.joint_tables import AnyLaw, Compliance, Pair
 from vjm.io.robot_document import COMPLIANCE, ROTOR, Imported
 from vjm.model.machine import Machine
@@ -50,7 +49,7 @@ COLUMNS: dict[str, tuple[str, float]] = {
     "rotor_kg": ("rotor_kg", 1.0),
 }
 """Columns with numbers of a table: key of a joint's table, and what the number is times."""
-LARGEST = 2**20
+LARGEST, MANY_JOINTS = 2**20, "no robot has so many joints"
 """Bytes: a table of ten thousand joints has half of it."""
 Stiff = Annotated[float, Field(gt=0.0, le=1e15)]
 
@@ -157,52 +156,30 @@ def fill_in(imported: Imported, file: Path) -> None:
 
 def _document(file: Path) -> dict[str, JointStiffness]:
     """What a TOML file says of joints, by their names."""
-    try:
-        content = parse_toml(file.read_text("utf-8-sig"))
-        return StiffnessFile.model_validate(content).joints
-    except OSError as error:
-        raise ModelFileError(f"{file}: cannot be read: {error.strerror}") from error
-    except pydantic.ValidationError as error:
-        raise ModelFileError(
-            f"{file.name}: {one_line(error, content, lambda _: JointStiffness.model_fields)}"
-        ) from error
-    except ValueError as error:
-        raise ModelFileError(f"{file.name}: {error}") from error
+    content = toml_content(small_text(file, LARGEST, MANY_JOINTS), file.name)
+    return validated(StiffnessFile, content, file.name, lambda _: JointStiffness.model_fields).joints
 
 
 def _table(file: Path) -> dict[str, JointStiffness]:
     """What a CSV file says of joints, by their names; empty cells say nothing."""
-    text = small_text(file, LARGEST, "no robot has so many joints")
-    head = text.lstrip().split("\n", 1)[0]
-    reader = csv.reader(text.splitlines(), delimiter=next((mark for mark in (";", "\t") if mark in head), ","))
-    columns: list[str] = []
+    text = small_text(file, LARGEST, MANY_JOINTS)
+    empty = "is empty: begin with a line of columns, joint,stiffness_Nm_per_rad"
     joints: dict[str, JointStiffness] = {}
-    try:
-        for row in reader:
-            cells = [cell.strip() for cell in row]
-            if not any(cells) or cells[0].startswith("#"):
-                continue
-            place = f"{file.name}: line {reader.line_num}"
-            if not columns:
-                columns = [_column(place, cell) for cell in cells]
-                if "joint" not in columns or len(set(columns)) < len(columns):
-                    raise ModelFileError(
-                        f"{place}: the columns {', '.join(columns)}: give joint, and each one once"
-                    )
-                continue
-            if len(cells) > len(columns):
-                raise ModelFileError(f"{place}: has {len(cells)} cells, but there are {len(columns)} columns")
-            given = {column: cell for column, cell in zip(columns, cells, strict=False) if cell}
-            if not (name := given.pop("joint", "")):
-                raise ModelFileError(f"{place}, column joint: is empty: name the joint")
-            if name in joints:
-                raise ModelFileError(f"{place}, column joint: '{name}' is there already: give each joint one line")
-            joints[name] = _row(place, given)
-    except csv.Error as error:
-        raise ModelFileError(f"{file.name}: line {reader.line_num}: {error}") from error
-    if not columns:
-        raise ModelFileError(f"{file.name}: is empty: begin with a line of columns, joint,stiffness_Nm_per_rad")
+    for place, cells in csv_rows(text, file.name, _columns, empty, may_be_short=True):
+        given = {column: cell for column, cell in cells.items() if cell}
+        if not (name := given.pop("joint", "")):
+            raise ModelFileError(f"{place}, column joint: is empty: name the joint")
+        if name in joints:
+            raise ModelFileError(f"{place}, column joint: '{name}' is there already: give each joint one line")
+        joints[name] = _row(place, given)
     return joints
+
+
+def _columns(cells: list[str], place: str) -> list[str]:
+    columns = [_column(place, cell) for cell in cells]
+    if "joint" not in columns or len(set(columns)) < len(columns):
+        raise ModelFileError(f"{place}: the columns {', '.join(columns)}: give joint, and each one once")
+    return columns
 
 
 def _column(place: str, written: str) -> str:
