@@ -21,7 +21,7 @@ from vjm.io.errors import ModelFileError, did_you_mean, printed, validated
 from vjm.io.fields import LONGEST_MM, Table
 from vjm.io.files import csv_rows, small_text, toml_content, toml_line, toml_text
 from vjm.io.robot import Body, Kind, Notes, Placing, Reading, Robot, RobotJoint, turned
-from vjm.io.robot_xml import WHOLE_TURN, FilePlace, in_order, usable_limits
+from vjm.io.robot_xml import WHOLE_TURN, FilePlace, taken_limits
 from vjm.rotations import Array, frame, inverse_frame, roll_pitch_yaw
 
 Convention = Literal["dh", "mdh"]
@@ -426,7 +426,10 @@ def serial_robot(
 
     fixed("robot-base", "robot-base", base)
     for k, (joint, step) in enumerate(zip(joints, near, strict=False), start=1):
-        limits, home = _limits(joint, file, reading, notes)
+        limits, home = None, 0.0
+        if joint.limits is not None:
+            place = FilePlace(file, f"joint '{joint.name}'")
+            limits, home = taken_limits(joint.limits, joint.name, place, reading, notes, slides=joint.slides)
         kind: Kind = "slides" if joint.slides else "turns"
         link = f"link-{k}"
         robot_joints.append(RobotJoint(joint.name, kind, parent, link, step, (0.0, 0.0, 1.0), limits, home))
@@ -435,15 +438,6 @@ def serial_robot(
     fixed("tool", "tool", tool)
     bodies = {one: Body(one) for one in (root, *(joint.child for joint in robot_joints))}
     return Robot(name, root, bodies, robot_joints, {}, file, notes)
-
-
-def _limits(joint: DhRow, file: str, reading: Reading, notes: Notes) -> tuple[tuple[float, float] | None, float]:
-    if joint.limits is None:
-        return None, 0.0
-    limits = in_order(joint.limits, FilePlace(file, f"joint '{joint.name}'"), reading, notes, slides=joint.slides)
-    if limits is None:
-        return None, 0.0
-    return usable_limits(*limits, joint.name, slides=joint.slides, doubts=notes.doubtful, changed=notes.changed)
 
 
 MM = {"mm": 1.0, "m": 1e3}

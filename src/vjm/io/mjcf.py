@@ -23,6 +23,7 @@ from vjm.io.robot import (
     ON_ITS_BASE,
     USUAL,
     Body,
+    Kind,
     Mimic,
     Notes,
     Placing,
@@ -31,16 +32,18 @@ from vjm.io.robot import (
     RobotClosure,
     RobotJoint,
     Turns,
+    masters_of,
     turned,
 )
 from vjm.io.robot_text import LEAST
-from vjm.io.robot_xml import FilePlace, in_order, quaternion_turns, usable_limits
+from vjm.io.robot_xml import FilePlace, quaternion_turns, taken_limits
 from vjm.rotations import Array
 
 METRE = 1000.0
 Library = Any
 """MuJoCo, or a model of its; neither has types where it is not installed."""
 WORLD = "world"
+KINDS: dict[bool, Kind] = {True: "slides", False: "turns"}
 
 
 class ConstrainedModel:
@@ -462,12 +465,7 @@ class _MjcfReader(SprungModel):
         joints: list[RobotJoint] = []
         for index in taken:
             self._add(index, bodies, joints)
-        placed = {joint.name for joint in joints}
-        masters = {
-            joint.mimic.joint: self._master(joint.mimic.joint)
-            for joint in joints
-            if joint.mimic is not None and joint.mimic.joint not in placed
-        }
+        masters = masters_of(joints, self._master)
         closures = self._closures()
         self._survey(tip, taken)
         self._say_driven(joints)
@@ -507,8 +505,7 @@ class _MjcfReader(SprungModel):
         """A body, and its joints one after the other with bodies of no mass between."""
         model, name = self._model, self._bodies[index]
         parent = self._bodies[int(model.body_parentid[index])]
-        w, x, y, z = (float(v) for v in model.body_quat[index])
-        shift, turns = METRE * np.array(model.body_pos[index]), quaternion_turns(x, y, z, w)
+        shift, turns = METRE * np.array(model.body_pos[index]), _turns(model.body_quat[index])
         first = int(model.body_jntadr[index])
         moving = [joint for joint in range(first, first + int(model.body_jntnum[index])) if not self._stands(joint)]
         anchor = np.zeros(3)
@@ -530,7 +527,7 @@ class _MjcfReader(SprungModel):
             joints.append(RobotJoint(f"{name}-fixed", "fixed", parent, name, _placing(shift, turns, -anchor)))
         centre = METRE * np.array(model.body_ipos[index])
         bodies[name] = Body(
-            name, float(model.body_mass[index]), (float(centre[0]), float(centre[1]), float(centre[2])),
+            name, float(model.body_mass[index]), triple(centre),
             inertia=self._inertia(index),
         )  # fmt: skip
 
@@ -556,8 +553,7 @@ class _MjcfReader(SprungModel):
         home = (0.0, 0.0, 0.0)
         if self._closes and model.nkey:
             address = int(model.jnt_qposadr[joint])
-            w, x, y, z = (float(v) for v in model.key_qpos[0][address : address + 4])
-            R = turned(quaternion_turns(x, y, z, w))
+            R = turned(_turns(model.key_qpos[0][address : address + 4]))
             home = (
                 float(np.arctan2(-R[1, 2], R[2, 2])), float(np.arcsin(np.clip(R[0, 2], -1.0, 1.0))),
                 float(np.arctan2(-R[0, 1], R[0, 0])),
@@ -566,9 +562,8 @@ class _MjcfReader(SprungModel):
         for k, own in enumerate(self._names(joint)):
             behind = child if k == 2 else f"{own}-body"
             bodies.setdefault(behind, Body(behind, between=True))
-            x, y, z = (float(v) for v in np.eye(3)[k])
             joints.append(RobotJoint(
-                own, "turns", parent, behind, place, (x, y, z), home=home[k], rotor=rotor, passive=passive,
+                own, "turns", parent, behind, place, triple(np.eye(3)[k]), home=home[k], rotor=rotor, passive=passive,
                 stiffness=stiffness,
             ))  # fmt: skip
             parent, place = behind, Placing()
@@ -632,29 +627,23 @@ class _MjcfReader(SprungModel):
     def _joint(self, joint: int, parent: str, child: str, place: Placing, mimic: Mimic | None) -> RobotJoint:
         slides, model = self._slides(joint), self._model
         unit = METRE if slides else 1.0
-        x, y, z = (float(v) for v in model.jnt_axis[joint])
+        axis = triple(model.jnt_axis[joint])
         reference = unit * float(model.qpos0[int(model.jnt_qposadr[joint])])
         if reference:
-            place = _referred(place, np.array([x, y, z]), reference, slides=slides)
-        name = self._joint_name(joint)
+            place = _referred(place, np.array(axis), reference, slides=slides)
+        name, kind = self._joint_name(joint), KINDS[slides]
         if (stands := self._standing.get(joint)) is not None:
             unit_name = "mm" if slides else "rad"
             self._notes.changed.append(
                 f"an equality holds joint '{name}': it stands at {printed(stands)} {unit_name}"
             )
-            return RobotJoint(name, "slides" if slides else "turns", parent, child, place, (x, y, z)).standing(
-                stands
-            )
+            return RobotJoint(name, kind, parent, child, place, axis).standing(stands)
         limits, home = None, 0.0
         if model.jnt_limited[joint]:
             low, high = (unit * float(v) for v in model.jnt_range[joint])
             given = (high, low) if joint in self._exchanged else (low, high)
             where = FilePlace(self._file, f"joint '{name}'")
-            ordered = in_order(given, where, self._reading, self._notes, slides=slides)
-            if ordered is not None:
-                limits, home = usable_limits(
-                    *ordered, name, slides=slides, doubts=self._notes.doubtful, changed=self._notes.changed
-                )
+            limits, home = taken_limits(given, name, where, self._reading, self._notes, slides=slides)
         driven_or_sprung = self._driven | self._sprung
         passive = joint not in driven_or_sprung and self._closes and bool(driven_or_sprung)
         if joint in self._sprung:
@@ -671,7 +660,7 @@ class _MjcfReader(SprungModel):
         # kg m² are 1e6 kg mm²; of a joint that slides it is a mass
         rotor = float(model.dof_armature[int(model.jnt_dofadr[joint])]) * (1.0 if slides else 1e6)
         return RobotJoint(
-            name, "slides" if slides else "turns", parent, child, place, (x, y, z), limits, home, mimic, rotor,
+            name, kind, parent, child, place, axis, limits, home, mimic, rotor,
             passive, held.spring + (0.0 if passive else held.servo), held.rest,
         )  # fmt: skip
 
@@ -698,8 +687,7 @@ class _MjcfReader(SprungModel):
         return closures
 
     def _place(self, position: Array, quaternion: Array) -> Placing:
-        w, x, y, z = (float(v) for v in quaternion)
-        return _placing(METRE * np.array(position), quaternion_turns(x, y, z, w), np.zeros(3))
+        return _placing(METRE * np.array(position), _turns(quaternion), np.zeros(3))
 
     def _survey(self, tip: str | None, taken: list[int]) -> None:
         model, left = self._model, self._notes.left_out
@@ -725,10 +713,15 @@ class _MjcfReader(SprungModel):
             left.append(f"bodies that are not on the way to '{tip}': {named}, {printed(mass)} kg together")
 
 
+def _turns(quaternion: Array) -> Turns:
+    """Of a quaternion of MuJoCo, which has its scalar first."""
+    w, x, y, z = (float(v) for v in quaternion)
+    return quaternion_turns(x, y, z, w)
+
+
 def _placing(shift: Array, turns: Turns, then: Array) -> Placing:
     """Shifted, turned, and shifted again in the turned axes."""
-    moved = shift + turned(turns) @ then
-    return Placing((float(moved[0]), float(moved[1]), float(moved[2])), turns)
+    return Placing(triple(shift + turned(turns) @ then), turns)
 
 
 def _referred(place: Placing, axis: Array, reference: float, *, slides: bool) -> Placing:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from decimal import Decimal
 from typing import Any, Literal, TypeAlias, assert_never
@@ -87,6 +88,12 @@ class Placing:
                 for axis, angle in self.turns
             ]
         return table
+
+
+def triple(vector: Iterable[float]) -> tuple[float, float, float]:
+    """The three numbers of a vector."""
+    x, y, z = (float(value) for value in vector)
+    return x, y, z
 
 
 def turned(turns: Turns) -> Array:
@@ -179,14 +186,20 @@ class RobotJoint:
 
     def standing(self, coordinate: float) -> RobotJoint:
         """A fixed joint in the place of this one, as it is at a coordinate, mm or rad."""
-        x, y, z = (float(v) for v in unit_axis(np.array(self.axis)))
-        shift, turns = np.array(self.placing.shift), self.placing.turns
+        axis, shift, turns = unit_axis(np.array(self.axis)), np.array(self.placing.shift), self.placing.turns
         if self.kind == "slides":
-            shift = shift + turned(turns) @ (coordinate * np.array([x, y, z]))
+            shift = shift + turned(turns) @ (coordinate * axis)
         else:
-            turns = (*turns, ((x, y, z), coordinate))
-        place = Placing((float(shift[0]), float(shift[1]), float(shift[2])), turns)
-        return RobotJoint(self.name, "fixed", self.parent, self.child, place)
+            turns = (*turns, (triple(axis), coordinate))
+        return RobotJoint(self.name, "fixed", self.parent, self.child, Placing(triple(shift), turns))
+
+
+def masters_of(joints: Iterable[RobotJoint], made: Callable[[str], RobotJoint]) -> dict[str, RobotJoint]:
+    """By name, joints that are not among these and that some of these mimic; ``made`` makes one of its name."""
+    joints = list(joints)
+    names = {joint.name for joint in joints}
+    masters = (joint.mimic.joint for joint in joints if joint.mimic is not None)
+    return {name: made(name) for name in masters if name not in names}
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,20 @@ from decimal import Decimal
 from vjm.io.bounded_xml import XmlElement
 from vjm.io.errors import ModelFileError, did_you_mean, printed
 from vjm.io.inertia import NO_BODYS, inertia_matrix, inertia_values, is_of_a_body, nearest_of_a_body, said_repair
-from vjm.io.robot import HUGE, ON_ITS_BASE, Kind, Mimic, Notes, Placing, Reading, RobotJoint, Turns
+from vjm.io.robot import (
+    HUGE,
+    ON_ITS_BASE,
+    Body,
+    Kind,
+    Mimic,
+    Notes,
+    Placing,
+    Reading,
+    RobotJoint,
+    Turns,
+    triple,
+    turned,
+)
 from vjm.rotations import Array
 
 _NUMBER = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]{1,4})?")
@@ -29,6 +42,7 @@ ONE, METRE = Decimal(1), Decimal(1000)
 XACRO = "it holds unexpanded xacro; expand it by --xacro, or with ROS' own command"
 
 
+@dataclass(frozen=True)
 class FilePlace:
     """Where in a file something stands, for messages.
 
@@ -38,8 +52,9 @@ class FilePlace:
         line: of the element; zero where it is not known.
     """
 
-    def __init__(self, file: str, owner: str, line: int = 0) -> None:
-        self.file, self.owner, self.line = file, owner, line
+    file: str
+    owner: str
+    line: int = 0
 
     def error(self, what: str) -> ModelFileError:
         """To be raised: ``what`` ends a sentence that begins with the owner."""
@@ -122,14 +137,6 @@ def _quoted(element: XmlElement, key: str) -> str:
     return '"' + reprlib.repr(element.attributes[key])[1:-1] + '"'
 
 
-def length_vector(
-    place: FilePlace, element: XmlElement, key: str, unit: Decimal = METRE
-) -> tuple[float, float, float]:
-    """A shift in mm, from metres or another unit; how long it may be, `vjm.io.checks` says."""
-    x, y, z = vector(place, element, key, unit=unit)
-    return x, y, z
-
-
 def placing(
     place: FilePlace,
     origin: XmlElement | None,
@@ -155,16 +162,13 @@ def placing(
     if origin is None:
         return Placing()
     place = place.inside(origin)
-    shift = length_vector(place, origin, "xyz", unit)
+    shift = triple(vector(place, origin, "xyz", unit=unit))
     if not turned:
         return Placing(shift)
     if quaternions and "quat_xyzw" in origin.attributes:
         if "rpy" in origin.attributes:
             raise place.error("has <origin> with rpy and quat_xyzw, two rotations: give one")
-        x, y, z, w = vector(place, origin, "quat_xyzw", 4)
-        if not any((x, y, z, w)):
-            raise place.error("has a quaternion of length zero: give one of length 1")
-        return Placing(shift, quaternion_turns(x, y, z, w))
+        return Placing(shift, given_quaternion(place, vector(place, origin, "quat_xyzw", 4)))
     angles = vector(place, origin, "rpy")
     if max(map(abs, angles)) > WHOLE_TURN:
         doubts.append(
@@ -184,6 +188,17 @@ def rpy_turns(angles: list[float]) -> Turns:
     return tuple((axis, angle) for axis, angle in zip(axes, reduced, strict=True) if angle)
 
 
+def given_quaternion(place: FilePlace, numbers: list[float]) -> Turns:
+    """The turn of a file's quaternion ``x, y, z, w``.
+
+    Raises:
+        ModelFileError: its length is zero.
+    """
+    if not any(numbers):
+        raise place.error("has a quaternion of length zero: give one of length 1")
+    return quaternion_turns(*numbers)
+
+
 def quaternion_turns(x: float, y: float, z: float, w: float) -> Turns:
     """The turn of a quaternion of any length above zero: axis, and angle in rad."""
     sine = math.hypot(x, y, z)
@@ -194,15 +209,20 @@ def quaternion_turns(x: float, y: float, z: float, w: float) -> Turns:
     return (((sign * x / sine, sign * y / sine, sign * z / sine), angle),)
 
 
-def in_order(
-    limits: tuple[float, float], place: FilePlace, reading: Reading, notes: Notes, absent: Sequence[str] = (), *,
-    slides: bool,
-) -> tuple[float, float] | None:  # fmt: skip
-    """Limits, mm or rad, the lower one first; None, and said, where they are reversed and so left out.
+Limits = tuple[tuple[float, float] | None, float]
+"""Of a joint, mm or rad, and a coordinate inside of them."""
+
+
+def taken_limits(
+    limits: tuple[float, float], joint: str, place: FilePlace, reading: Reading, notes: Notes,
+    absent: Sequence[str] = (), *, slides: bool,
+) -> Limits:  # fmt: skip
+    """Limits of a joint as a model file takes them, and a coordinate inside: zero, else the middle.
 
     Args:
-        limits: as the file has them.
-        place: of the joint.
+        limits: as the file has them, mm or rad, perhaps infinite.
+        joint: its name, for what is said.
+        place: of it.
         reading: whether what is reversed is repaired.
         notes: are added to.
         absent: names of those that the file does not give.
@@ -212,48 +232,35 @@ def in_order(
         ModelFileError: they are reversed, and that is to be refused, or one of them is not given.
     """
     low, high = limits
-    if low <= high:
-        return limits
-    problem = f"the limits {printed(low)} to {printed(high)} {'mm' if slides else 'rad'}, reversed"
-    lacking = f" ({absent[0]} is not given, and so 0)" if absent else ""
-    exchanged = notes.repaired(
-        "refused" if absent else reading.repairs,
-        place.error(f"has {problem}{lacking}: give lower below upper"),
-        doubtful=f"{place.owner} has {problem}: taken as none",
-        changed=f"{place.owner} has {problem}: they were exchanged",
-    )
-    return (high, low) if exchanged else None
-
-
-def usable_limits(
-    low: float, high: float, name: str, *, slides: bool, doubts: list[str], changed: list[str]
-) -> tuple[tuple[float, float] | None, float]:
-    """Limits of a joint, mm or rad, as a model file takes them, and a coordinate inside: zero, else the middle.
-
-    Args:
-        low: lower limit, perhaps infinite.
-        high: upper limit, not below it.
-        name: of the joint, for what is said.
-        slides: whether they are mm.
-        doubts: what is likely a mistake is added.
-        changed: what is changed is added.
-    """
     unit = "mm" if slides else "rad"
+    if low > high:
+        problem = f"the limits {printed(low)} to {printed(high)} {unit}, reversed"
+        lacking = f" ({absent[0]} is not given, and so 0)" if absent else ""
+        if not notes.repaired(
+            "refused" if absent else reading.repairs,
+            place.error(f"has {problem}{lacking}: give lower below upper"),
+            doubtful=f"{place.owner} has {problem}: taken as none",
+            changed=f"{place.owner} has {problem}: they were exchanged",
+        ):
+            return None, 0.0
+        low, high = high, low
+    if len(absent) == 1:
+        notes.doubtful.append(f"joint '{joint}' gives no {absent[0]} limit: 0, as the format has it")
     farthest = HUGE if slides else WHOLE_TURN
     if low == high or low >= HUGE or high <= -HUGE:
         how = f"equal ({printed(low)} {unit})" if low == high else f"beyond {printed(HUGE)} {unit}"
-        doubts.append(f"joint '{name}': its limits are {how}: taken as none")
+        notes.doubtful.append(f"joint '{joint}': its limits are {how}: taken as none")
         return None, low if low == high and abs(low) <= farthest else 0.0
     if low <= -HUGE and high >= HUGE:
         if not (math.isinf(low) and math.isinf(high)):
-            changed.append(f"joint '{name}': its limits are beyond {printed(HUGE)} {unit}: none")
+            notes.changed.append(f"joint '{joint}': its limits are beyond {printed(HUGE)} {unit}: none")
         return None, 0.0
     if max(-low, high) > HUGE:
-        changed.append(f"joint '{name}': its limit beyond {printed(HUGE)} {unit} became that")
+        notes.changed.append(f"joint '{joint}': its limit beyond {printed(HUGE)} {unit} became that")
     low, high = max(low, -HUGE), min(high, HUGE)
     if not slides and HUGE > max(abs(low), abs(high)) > 2.0 * WHOLE_TURN:
-        doubts.append(
-            f"joint '{name}': its limits {printed(low)} to {printed(high)} rad are more than two turns: "
+        notes.doubtful.append(
+            f"joint '{joint}': its limits {printed(low)} to {printed(high)} rad are more than two turns: "
             "are they in degrees?"
         )
     if low <= 0.0 <= high:
@@ -262,6 +269,7 @@ def usable_limits(
     return (low, high), middle if abs(middle) <= farthest else min(max(0.0, low), high)
 
 
+MOMENTS = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
 SHAPES = "shapes and meshes, which no command reads"
 CONTROL = "what controllers and simulators take"
 DRIVES = "forces, speeds, damping and friction of joints"
@@ -316,7 +324,7 @@ URDF = FormatKeys(
         "link": {"name": "", "type": CONTROL},
         "joint": {"name": "", "type": ""},
         "origin": {"xyz": "", "rpy": "", "quat_xyzw": ""},
-        "inertia": dict.fromkeys(("ixx", "iyy", "izz", "ixy", "ixz", "iyz"), ""),
+        "inertia": dict.fromkeys(MOMENTS, ""),
         "mass": {"value": ""},
         "parent": {"link": ""},
         "child": {"link": ""},
@@ -470,12 +478,14 @@ class DescribedTree(ABC):
         _types: of joints that are read.
         _floating: those of joints that hold nothing.
         _one_base: what to do where a robot has several bases.
+        _by_elements: whether numbers are elements of their own, and no attributes.
     """
 
     _moves: Mapping[str, Kind]
     _types: Sequence[str]
     _floating: Sequence[str] = ()
     _one_base = "connect them"
+    _by_elements = False
 
     def __init__(self, file: str, reading: Reading, notes: Notes) -> None:
         self._file, self._reading, self._notes = file, reading, notes
@@ -484,6 +494,7 @@ class DescribedTree(ABC):
         self._joints: dict[str, list[RawJoint]] = {}
         self._into: dict[str, list[RawJoint]] = {}
         self._impossible: dict[str, tuple[Array, Array]] = {}
+        self._massless: list[str] = []
 
     def _keep_joint(self, joint: RawJoint) -> None:
         self._joints.setdefault(joint.name, []).append(joint)
@@ -498,6 +509,10 @@ class DescribedTree(ABC):
         self, place: FilePlace, element: XmlElement, unit: Decimal, own: Decimal
     ) -> tuple[float, float]:
         """Ratio and offset of a joint that follows another."""
+
+    @abstractmethod
+    def _inertial_frame(self, place: FilePlace, inertial: XmlElement, doubts: list[str], *, axes: bool) -> Placing:
+        """Where an ``<inertial>`` has its centre of mass and, where these are asked for, its axes."""
 
     # --- which links and joints ---------------------------------------------------------------------------
 
@@ -622,8 +637,46 @@ class DescribedTree(ABC):
 
     # --- what they say ------------------------------------------------------------------------------------
 
-    def _moments(self, name: str, place: FilePlace, values: Sequence[float], R: Array) -> tuple[float, ...]:
+    def _number(
+        self, place: FilePlace, element: XmlElement, key: str, default: str, unit: Decimal, *,
+        infinite: bool = False,
+    ) -> float:  # fmt: skip
+        """A number of an element times a unit, in an attribute or in an element of its own."""
+        read = number if infinite else finite
+        if not self._by_elements:
+            return read(place, element, key, default, unit)
+        given = element.first(key) or XmlElement(key, {}, element.line)
+        return read(place.inside(given), given, "", default, unit)
+
+    def _body(self, name: str) -> Body:
+        inertial = self._link(name).first("inertial")
+        mass = inertial.first("mass") if inertial is not None else None
+        if inertial is None or mass is None:
+            if self._by_elements or inertial is not None:
+                self._massless.append(name)
+            return Body(name, inertia=() if inertial is None else self._inertia(name, inertial))
+        place = FilePlace(self._file, f"link '{name}'", mass.line)
+        value = finite(place, mass, "" if self._by_elements else "value", unit=self._units.mass)
+        if value < 0.0:
+            raise place.error(f"has a mass of {printed(value)} kg: it must not be below zero")
+        if not value and not self._by_elements:
+            self._massless.append(name)
+        centre = self._inertial_frame(place, inertial, [], axes=False).shift
+        return Body(name, value, centre, inertia=self._inertia(name, inertial))
+
+    def _inertia(self, name: str, inertial: XmlElement) -> tuple[float, ...]:
         """Moments of inertia in the axes of a link, kg mm²; empty, and said, where no body has them."""
+        element = inertial.first("inertia")
+        if element is None:
+            return ()
+        place = FilePlace(self._file, f"link '{name}'", element.line)
+        try:
+            # statics needs none of it: what is wrong with it stops no import
+            values = [self._number(place, element, key, "0", self._units.moments) for key in MOMENTS]
+            R = turned(self._inertial_frame(place, inertial, self._notes.doubtful, axes=True).turns)
+        except ModelFileError as error:
+            self._notes.doubtful.append(f"moments of inertia, left out: {error}")
+            return ()
         if not any(values):
             return ()
         own = inertia_matrix(values)

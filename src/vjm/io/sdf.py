@@ -15,28 +15,41 @@ from decimal import Decimal
 import numpy as np
 
 from vjm.io.bounded_xml import XmlElement, XmlFile
-from vjm.io.errors import ModelFileError, did_you_mean, printed
-from vjm.io.robot import LEAST_STIFFNESS, USUAL, Body, Kind, Notes, Placing, Reading, Robot, RobotJoint, turned
+from vjm.io.errors import ModelFileError, did_you_mean
+from vjm.io.robot import (
+    LEAST_STIFFNESS,
+    USUAL,
+    Body,
+    Kind,
+    Notes,
+    Placing,
+    Reading,
+    Robot,
+    RobotJoint,
+    masters_of,
+    triple,
+    turned,
+)
 from vjm.io.robot_xml import (
     CONTROL,
     DRIVES,
     METRE,
+    MOMENTS,
     ONE,
     SHAPES,
     WHOLE_TURN,
     DescribedTree,
     FilePlace,
     FormatKeys,
+    Limits,
     RawJoint,
     finite,
-    in_order,
-    number,
-    quaternion_turns,
+    given_quaternion,
     reflected,
     rpy_turns,
     shown,
     survey,
-    usable_limits,
+    taken_limits,
     vector,
 )
 from vjm.rotations import Array, frame, inverse_frame, rotation_vector
@@ -84,7 +97,7 @@ SDF = FormatKeys(
             "mass": "", "pose": "", "inertia": "", "density": _DENSE, "fluid_added_mass": WORLDS,
             "auto_inertia_params": _DENSE, "frame": _SOLVED,
         },
-        "inertia": dict.fromkeys(("ixx", "iyy", "izz", "ixy", "ixz", "iyz"), ""),
+        "inertia": dict.fromkeys(MOMENTS, ""),
         "joint": {
             "parent": "", "child": "", "pose": "", "axis": "", "axis2": "", "physics": _SOLVED, "sensor": CONTROL,
             "plugin": CONTROL, "gearbox_ratio": DRIVES, "gearbox_reference_body": DRIVES, "thread_pitch": DRIVES,
@@ -149,9 +162,7 @@ def pose_of(place: FilePlace, element: XmlElement | None, doubts: list[str], uni
     x, y, z = vector(place, element, "", length, unit=unit)[:3]
     rest = vector(place, element, "", length)[3:]
     if form == QUATERNION:
-        if not any(rest):
-            raise place.error("has a quaternion of length zero: give one of length 1")
-        return Placing((x, y, z), quaternion_turns(*rest))
+        return Placing((x, y, z), given_quaternion(place, rest))
     if element.attributes.get("degrees", "false").strip() in ("true", "1"):
         rest = [math.radians(angle) for angle in rest]
     elif max(map(abs, rest)) > WHOLE_TURN:
@@ -212,13 +223,9 @@ class FrameGraph:
         for one in forth:
             forth_T = forth_T @ self._own(one)
         T = forth_T if not back else inverse_frame(back_T) @ forth_T
-        shift = (float(T[0, 3]), float(T[1, 3]), float(T[2, 3]))
         turn = rotation_vector(T[:3, :3])
         angle = float(np.linalg.norm(turn))
-        if not angle:
-            return Placing(shift)
-        x, y, z = (float(v) for v in turn / angle)
-        return Placing(shift, (((x, y, z), angle),))
+        return Placing(triple(T[:3, 3]), ((triple(turn / angle), angle),) if angle else ())
 
     def _own(self, name: str) -> Array:
         """A frame ``(4, 4)`` in that in which it is placed."""
@@ -321,7 +328,7 @@ def _text(element: XmlElement, tag: str) -> str:
 class _SdfReader(DescribedTree):
     """One file."""
 
-    _moves, _types = MOVING, TYPES
+    _moves, _types, _by_elements = MOVING, TYPES, True
     _one_base = "connect them, or --fix-base holds all of them where the file shows them"
 
     def __init__(self, xml: XmlFile, file: str, reading: Reading) -> None:
@@ -332,7 +339,6 @@ class _SdfReader(DescribedTree):
         self._scopes: dict[str, str] = {WORLD: ""}
         self._attached: dict[str, str] = {WORLD: WORLD}
         self._models = list[XmlElement]()
-        self._bare: list[str] = []
         self._sprung: list[str] = []
         self._taken_names = set[str]()
         match = _VERSION.fullmatch(xml.root.attributes.get("version", "").strip())
@@ -439,20 +445,16 @@ class _SdfReader(DescribedTree):
         for raw in taken:
             self._add(raw, bodies, joints)
             bodies[raw.child] = self._body(raw.child)
-        placed = {joint.name for joint in joints}
-        masters = {
-            joint.mimic.joint: self._master(joint.mimic.joint)
-            for joint in joints
-            if joint.mimic is not None and joint.mimic.joint not in placed
-        }
+        masters = masters_of(joints, self._master)
         owners = [
             *(self._links[name][0] for name in names),
             *(raw.element for raw in taken if raw.element.tag == "joint"),
         ]
         survey(self._root, [*self._worlds(), *self._models, *owners], self._notes, SDF)
-        if self._bare:
+        if self._massless:
             self._notes.doubtful.append(
-                f"links without <inertial>: {', '.join(self._bare)}; simulators take 1 kg, here they weigh nothing"
+                f"links without <inertial>: {', '.join(self._massless)}; simulators take 1 kg, here they weigh "
+                "nothing"
             )
         if self._sprung:
             self._notes.changed.append(f"springs alone hold {', '.join(self._sprung)}: an SDF file names no drives")
@@ -548,8 +550,7 @@ class _SdfReader(DescribedTree):
         place = FilePlace(self._file, f"joint '{raw.name}'", raw.element.line)
         if raw.type == "ball":
             # its own springs are none of the format's
-            x, y, z = (float(v) for v in np.eye(3)["xyz".index(axis)])
-            return RobotJoint(name, "turns", parent, child, where, (x, y, z))
+            return RobotJoint(name, "turns", parent, child, where, triple(np.eye(3)["xyz".index(axis)]))
         kind: Kind = MOVING.get(raw.type, "turns")
         element = raw.element.first(axis)
         if element is None:
@@ -595,34 +596,23 @@ class _SdfReader(DescribedTree):
                     f"has its axis expressed in '{named}', which is not there{did_you_mean(named, self._frames)}"
                 )
             given = turned(self._frames.between(key, named).turns) @ given
-        x, y, z = (float(v) for v in given)
-        return (x, y, z)
+        return triple(given)
 
-    def _limits(
-        self, raw: RawJoint, name: str, axis: XmlElement, *, slides: bool
-    ) -> tuple[tuple[float, float] | None, float]:
+    def _limits(self, raw: RawJoint, name: str, axis: XmlElement, *, slides: bool) -> Limits:
         element = axis.first("limit")
         if element is None or raw.type == "continuous":
             if element is not None and (element.first("lower") or element.first("upper")):
                 self._notes.left_out.append(f"limits of joint '{name}': it is continuous, and has none")
             return None, 0.0
         place = FilePlace(self._file, f"joint '{name}'", element.line)
-        bounds = [math.inf, math.inf]
-        for k, (tag, sign) in enumerate((("lower", -1.0), ("upper", 1.0))):
-            given = element.first(tag)
-            bounds[k] = (
-                sign * math.inf
-                if given is None
-                else number(place, given, "", None, self._units.length if slides else ONE)
-            )
-        limits = in_order((bounds[0], bounds[1]), place, self._reading, self._notes, slides=slides)
-        if limits is None:
-            return None, 0.0
-        # the format's own word for none, ±1e16, is said by nobody
-        low, high = (math.copysign(math.inf, one) if abs(one) >= NONE else one for one in limits)
-        return usable_limits(
-            low, high, name, slides=slides, doubts=self._notes.doubtful, changed=self._notes.changed
+        unit = self._units.length if slides else ONE
+        low, high = (
+            self._number(place, element, key, none, unit, infinite=True) if element.first(key) else float(none)
+            for key, none in (("lower", "-inf"), ("upper", "inf"))
         )
+        # the format's own word for none, ±1e16, is said by nobody
+        low, high = (math.copysign(math.inf, one) if abs(one) >= NONE else one for one in (low, high))
+        return taken_limits((low, high), name, place, self._reading, self._notes, slides=slides)
 
     def _spring(self, name: str, axis: XmlElement, *, slides: bool, follows: bool) -> tuple[float, float]:
         """Stiffness of a joint's spring, N mm/rad or N/mm, and where it is free of stress; zeros without one."""
@@ -672,48 +662,13 @@ class _SdfReader(DescribedTree):
     def _mimic_numbers(
         self, place: FilePlace, element: XmlElement, unit: Decimal, own: Decimal
     ) -> tuple[float, float]:
-        numbers = []
         # the reference is a coordinate of the joint that is followed
-        for tag, usual, of in (("multiplier", "1", unit), ("offset", "0", own), ("reference", "0", own / unit)):
-            given = element.first(tag) or XmlElement(tag, {}, element.line)
-            numbers.append(finite(place.inside(given), given, "", usual, of))
-        ratio, offset, reference = numbers
+        keys = (("multiplier", "1", unit), ("offset", "0", own), ("reference", "0", own / unit))
+        ratio, offset, reference = (self._number(place, element, *key) for key in keys)
         return ratio, offset - ratio * reference
 
-    def _body(self, name: str) -> Body:
-        link = self._link(name)
-        inertial = link.first("inertial")
-        if inertial is None:
-            self._bare.append(name)
-            return Body(name)
-        place = FilePlace(self._file, f"link '{name}'", inertial.line)
-        pose = pose_of(place, inertial.first("pose"), self._notes.doubtful, self._units.length)
-        given = inertial.first("mass")
-        if given is None:
-            self._bare.append(name)
-            return Body(name)
-        mass = finite(place.inside(given), given, "", unit=self._units.mass)
-        if mass < 0.0:
-            raise place.inside(given).error(f"has a mass of {printed(mass)} kg: it must not be below zero")
-        return Body(name, mass, pose.shift, inertia=self._inertia(name, place, inertial, turned(pose.turns)))
-
-    def _inertia(self, name: str, place: FilePlace, inertial: XmlElement, R: Array) -> tuple[float, ...]:
-        element = inertial.first("inertia")
-        if element is None:
-            return ()
-        place = place.inside(element)
-        try:
-            # statics needs none of it: what is wrong with it stops no import
-            values = [
-                0.0
-                if (given := element.first(tag)) is None
-                else finite(place.inside(given), given, "", "0", self._units.moments)
-                for tag in ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
-            ]
-        except ModelFileError as error:
-            self._notes.doubtful.append(f"moments of inertia, left out: {error}")
-            return ()
-        return self._moments(name, place, values, R)
+    def _inertial_frame(self, place: FilePlace, inertial: XmlElement, doubts: list[str], *, axes: bool) -> Placing:
+        return pose_of(place, inertial.first("pose"), doubts, self._units.length)
 
 
 def _joint_key(name: str) -> str:

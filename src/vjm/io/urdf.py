@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Collection, Iterable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from decimal import Decimal
 from pathlib import Path
 
@@ -18,7 +18,6 @@ from vjm.io.errors import ModelFileError, did_you_mean, printed
 from vjm.io.robot import (
     LEAST_STIFFNESS,
     USUAL,
-    Body,
     Kind,
     Mimic,
     Notes,
@@ -26,22 +25,21 @@ from vjm.io.robot import (
     Reading,
     Robot,
     RobotJoint,
-    turned,
+    masters_of,
+    triple,
 )
 from vjm.io.robot_document import Imported, robot_document
 from vjm.io.robot_xml import (
     ONE,
     DescribedTree,
     FilePlace,
+    Limits,
     RawJoint,
     finite,
-    in_order,
-    length_vector,
-    number,
     placing,
     reflected,
     survey,
-    usable_limits,
+    taken_limits,
     vector,
 )
 from vjm.io.robot_xml import XACRO_PREFIX as XACRO
@@ -58,9 +56,8 @@ GAINS = ("p", "kp", "pos_kp")
 INTEGRAL = ("i", "ki", "pos_ki")
 
 
-@dataclass
 class UrdfDrives:
-    """Of the joints of one file.
+    """What a URDF says of the drives of joints; what cannot be used of it is said and stops no import.
 
     Attributes:
         rotors: inertia reflected to its joint, kg mm², or kg where it slides.
@@ -68,46 +65,16 @@ class UrdfDrives:
         read: elements that were read, by their ``id``.
     """
 
-    rotors: dict[str, float] = field(default_factory=dict)
-    stiffness: dict[str, float] = field(default_factory=dict)
-    read: set[int] = field(default_factory=set)
-
-    def on(self, joint: RobotJoint) -> RobotJoint:
-        """A joint with what is known of its drive."""
-        rotor, stiffness = self.rotors.get(joint.name, 0.0), self.stiffness.get(joint.name, 0.0)
-        return replace(joint, rotor=rotor, stiffness=stiffness) if rotor or stiffness else joint
-
-
-def urdf_drives(
-    root: XmlElement, joints: Iterable[RobotJoint], known: Collection[str], file: str, notes: Notes
-) -> UrdfDrives:
-    """What a URDF says of the drives of joints; what cannot be used of it is said and stops no import.
-
-    Args:
-        root: of the file.
-        joints: that are taken.
-        known: names of all joints.
-        file: its name, for messages.
-        notes: are added to.
-
-    Example:
-        >>> drives = urdf_drives(xml.root, robot.joints, names, "arm.urdf", robot.notes)  # doctest: +SKIP
-        >>> drives.rotors["shoulder"]  # doctest: +SKIP
-        200000.0
-    """
-    return _DriveReader(joints, known, file, notes).drives(root)
-
-
-class _DriveReader:
-    """One file."""
-
-    def __init__(self, joints: Iterable[RobotJoint], known: Collection[str], file: str, notes: Notes) -> None:
+    def __init__(
+        self, root: XmlElement, joints: Iterable[RobotJoint], known: Collection[str], file: str, notes: Notes
+    ) -> None:
+        """Of a file's root, the joints that are taken and the names of all; notes are added to."""
+        self.rotors: dict[str, float] = {}
+        self.stiffness: dict[str, float] = {}
+        self.read: set[int] = set()
         self._joints = {joint.name: joint for joint in joints if joint.kind != "fixed"}
         self._known, self._file, self._notes = known, file, notes
-        self._found = UrdfDrives()
         self._gains: list[str] = []
-
-    def drives(self, root: XmlElement) -> UrdfDrives:
         controls = root.all("ros2_control")
         inner = [one for control in controls for one in control.all("transmission")]
         for one in (*root.all("transmission"), *inner):
@@ -123,7 +90,11 @@ class _DriveReader:
                 f"the compliance of drives is that of their controllers' position gains: {', '.join(self._gains)}. "
                 "It has nothing of gears"
             )
-        return self._found
+
+    def on(self, joint: RobotJoint) -> RobotJoint:
+        """A joint with what is known of its drive."""
+        rotor, stiffness = self.rotors.get(joint.name, 0.0), self.stiffness.get(joint.name, 0.0)
+        return replace(joint, rotor=rotor, stiffness=stiffness) if rotor or stiffness else joint
 
     def _doubting(self, element: XmlElement, what: str, read: Callable[[FilePlace, XmlElement], None]) -> None:
         """Read an element; what is wrong with it is doubted, for a machine stands without it."""
@@ -153,18 +124,18 @@ class _DriveReader:
         if len(set(ratio)) > 1:
             raise place.error(f"has the ratios {', '.join(map(printed, ratio))}: give one")
         self._add_rotor(place, joints[0], inertia, ratio[0] if ratio else 1.0)
-        self._found.read |= {id(one) for one in (*inertias, *ratios)}
+        self.read |= {id(one) for one in (*inertias, *ratios)}
 
     def _rotor_params(self, place: FilePlace, element: XmlElement) -> None:
         name = element.attributes.get("name", "")
         if self._takes(place, name):
             inertia, ratio = (finite(place, element, key) for key in ("mass", "gear_ratio"))
             self._add_rotor(place, name, inertia, ratio)
-            self._found.read.add(id(element))
+            self.read.add(id(element))
 
     def _add_rotor(self, place: FilePlace, joint: str, inertia: float, ratio: float) -> None:
         value = reflected(inertia, ratio, place, self._joints[joint].kind, joint, self._notes)
-        self._found.rotors[joint] = self._found.rotors.get(joint, 0.0) + value
+        self.rotors[joint] = self.rotors.get(joint, 0.0) + value
 
     def _control(self, place: FilePlace, element: XmlElement) -> None:
         name = element.attributes.get("name", "")
@@ -195,8 +166,8 @@ class _DriveReader:
         integral = next((given[key] for key in INTEGRAL if key in given), None)
         said = "" if integral is None or not integral.text else f", ki {integral.text}, which is not read"
         self._gains.append(f"{name} (kp {printed(value)}{said})")
-        self._found.stiffness[name] = stiffness
-        self._found.read.add(id(gain))
+        self.stiffness[name] = stiffness
+        self.read.add(id(gain))
 
     def _takes(self, place: FilePlace, joint: str) -> bool:
         """Whether a joint moves and is taken."""
@@ -265,7 +236,6 @@ class _UrdfReader(DescribedTree):
     def __init__(self, xml: XmlFile, file: str, reading: Reading) -> None:
         super().__init__(file, reading, Notes(doubtful=list(xml.notes)))
         self._root = xml.root
-        self._weightless: list[str] = []
         for link in xml.root.all("link"):
             self._links.setdefault(link.attributes.get("name", ""), []).append(link)
         for element in xml.root.all("joint"):
@@ -295,21 +265,13 @@ class _UrdfReader(DescribedTree):
         names = [root, *(joint.child for joint in taken)]
         bodies = {name: self._body(name) for name in names}
         joints = [self._joint(joint) for joint in taken]
-        wanted = {joint.name for joint in taken}
-        masters = {
-            joint.mimic.joint: self._master(joint.mimic.joint)
-            for joint in joints
-            if joint.mimic is not None and joint.mimic.joint not in wanted
-        }
-        drives = urdf_drives(self._root, (*joints, *masters.values()), self._joints, self._file, self._notes)
-        joints, masters = (
-            [drives.on(one) for one in joints],
-            {name: drives.on(one) for name, one in masters.items()},
-        )
+        masters = masters_of(joints, self._master)
+        drives = UrdfDrives(self._root, (*joints, *masters.values()), self._joints, self._file, self._notes)
+        joints, masters = list(map(drives.on, joints)), {name: drives.on(one) for name, one in masters.items()}
         owners = [*(self._links[name][0] for name in names), *(joint.element for joint in taken)]
         survey(self._root, owners, self._notes, read=drives.read)
-        if self._weightless:
-            self._notes.doubtful.append(f"links whose <inertial> gives no mass: {', '.join(self._weightless)}")
+        if self._massless:
+            self._notes.doubtful.append(f"links whose <inertial> gives no mass: {', '.join(self._massless)}")
         off = [name for name in self._links if name not in bodies]
         if off:
             self._notes.left_out.append(f"links that are not on the way to '{tip}': {', '.join(off)}")
@@ -333,47 +295,11 @@ class _UrdfReader(DescribedTree):
 
     # --- what they say ------------------------------------------------------------------------------------
 
-    def _body(self, name: str) -> Body:
-        link = self._link(name)
-        inertial = link.first("inertial")
-        if inertial is None:
-            return Body(name)
-        if (mass := inertial.first("mass")) is None:
-            self._weightless.append(name)
-            return Body(name, inertia=self._inertia(name, inertial))
-        place = FilePlace(self._file, f"link '{name}'", mass.line)
-        value = finite(place, mass, "value", unit=self._units.mass)
-        if value < 0.0:
-            raise place.error(f"has a mass of {printed(value)} kg: it must not be below zero")
-        if not value:
-            self._weightless.append(name)
-        origin = inertial.first("origin")
-        centre = (
-            (0.0, 0.0, 0.0)
-            if origin is None
-            else length_vector(place.inside(origin), origin, "xyz", self._units.length)
-        )
-        return Body(name, value, centre, inertia=self._inertia(name, inertial))
-
-    def _inertia(self, name: str, inertial: XmlElement) -> tuple[float, ...]:
-        """Moments of inertia in the axes of the link, kg mm²; empty, and said, where no body has them."""
-        element = inertial.first("inertia")
-        if element is None:
-            return ()
-        place = FilePlace(self._file, f"link '{name}'", element.line)
-        try:
-            # statics needs none of it: what is wrong with it stops no import
-            values = [
-                finite(place, element, key, "0", self._units.moments)
-                for key in ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
-            ]
-            turns = placing(
-                place, inertial.first("origin"), self._notes.doubtful, quaternions=self._quaternions
-            ).turns
-        except ModelFileError as error:
-            self._notes.doubtful.append(f"moments of inertia, left out: {error}")
-            return ()
-        return self._moments(name, place, values, turned(turns))
+    def _inertial_frame(self, place: FilePlace, inertial: XmlElement, doubts: list[str], *, axes: bool) -> Placing:
+        return placing(
+            place, inertial.first("origin"), doubts, quaternions=self._quaternions, turned=axes,
+            unit=self._units.length,
+        )  # fmt: skip
 
     def _joint(self, raw: RawJoint) -> RobotJoint:
         place = FilePlace(self._file, f"joint '{raw.name}'", raw.element.line)
@@ -397,14 +323,13 @@ class _UrdfReader(DescribedTree):
         if (element := raw.element.first("axis")) is None or "xyz" not in element.attributes:
             self._notes.doubtful.append(f"joint '{raw.name}' gives no axis: x, as the format has it")
         else:
-            x, y, z = vector(place.inside(element), element, "xyz")
-            if not any((x, y, z)):
+            axis = triple(vector(place.inside(element), element, "xyz"))
+            if not any(axis):
                 raise place.inside(element).error("has an axis of length zero: give its direction")
-            axis = (x, y, z)
         limits, home = self._limits(raw, place)
         return RobotJoint(raw.name, MOVING[raw.type], raw.parent, raw.child, where, axis, limits, home, mimic)
 
-    def _limits(self, raw: RawJoint, place: FilePlace) -> tuple[tuple[float, float] | None, float]:
+    def _limits(self, raw: RawJoint, place: FilePlace) -> Limits:
         element = raw.element.first("limit")
         if element is None:
             if raw.type != "continuous":
@@ -412,19 +337,11 @@ class _UrdfReader(DescribedTree):
             return None, 0.0
         slides = MOVING[raw.type] == "slides"
         place = place.inside(element)
-        low, high = (
-            number(place, element, key, "0", self._units.length if slides else ONE) for key in ("lower", "upper")
-        )
+        unit = self._units.length if slides else ONE
+        low, high = (self._number(place, element, key, "0", unit, infinite=True) for key in ("lower", "upper"))
         if raw.type == "continuous":
             if low or high:
                 self._notes.left_out.append(f"limits of joint '{raw.name}': it is continuous, and has none")
             return None, 0.0
         absent = [key for key in ("lower", "upper") if key not in element.attributes]
-        limits = in_order((low, high), place, self._reading, self._notes, absent, slides=slides)
-        if limits is None:
-            return None, 0.0
-        if len(absent) == 1:
-            self._notes.doubtful.append(f"joint '{raw.name}' gives no {absent[0]} limit: 0, as the format has it")
-        return usable_limits(
-            *limits, raw.name, slides=slides, doubts=self._notes.doubtful, changed=self._notes.changed
-        )
+        return taken_limits((low, high), raw.name, place, self._reading, self._notes, absent, slides=slides)
