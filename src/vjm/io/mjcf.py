@@ -33,6 +33,7 @@ from vjm.io.robot import (
     RobotJoint,
     Turns,
     masters_of,
+    triple,
     turned,
 )
 from vjm.io.robot_text import LEAST
@@ -563,8 +564,8 @@ class _MjcfReader(SprungModel):
             behind = child if k == 2 else f"{own}-body"
             bodies.setdefault(behind, Body(behind, between=True))
             joints.append(RobotJoint(
-                own, "turns", parent, behind, place, triple(np.eye(3)[k]), home=home[k], rotor=rotor, passive=passive,
-                stiffness=stiffness,
+                own, "turns", parent, behind, place, triple(np.eye(3)[k]), home=home[k], rotor=rotor,
+                passive=passive, stiffness=stiffness,
             ))  # fmt: skip
             parent, place = behind, Placing()
         self._notes.changed.append(
