@@ -69,6 +69,16 @@ class Quarter:
                 assert_never(self.empty)
 
     @property
+    def sides(self) -> tuple[float, float]:
+        """Outer lengths along y and along z, mm."""
+        return 2.0 * self.y[1], 2.0 * self.z[1]
+
+    @property
+    def farthest(self) -> tuple[float, float]:
+        """Of its points from the axes z and y, mm."""
+        return self.y[1], self.z[1]
+
+    @property
     def area(self) -> float:
         """Of the whole section, mm²."""
         return 4.0 * sum((b - a) * (d - c) for a, b, c, d in self.bands)
@@ -80,24 +90,107 @@ class Quarter:
         about_z = sum((b**3 - a**3) * (d - c) for a, b, c, d in self.bands)
         return 4.0 / 3.0 * about_y, 4.0 / 3.0 * about_z
 
+    @property
+    def torsion(self) -> float:
+        """Torsion constant J, mm⁴: the torque over shear modulus and twist, the ends free to warp."""
+        return _torsion(self)
+
+    @property
+    def warping(self) -> float:
+        """Warping constant, mm⁶: the integral of the squared warping function about its centre."""
+        return _warping(self)
+
+    def shear_areas(self, poissons_ratio: float) -> tuple[float, float]:
+        """For deflection along y and along z, mm², by the energy of the shear stresses."""
+        return _shear_areas(self, poissons_ratio)
+
+    @property
+    def steps(self) -> list[float]:
+        """Distances ``y ≥ 0`` between which the section's width is smooth."""
+        return [self.bands[0][0], *(b for _, b, _, _ in self.bands)]
+
+    def width(self, y: Array) -> Array:
+        """Of the section along z at distances ``(k,)`` from the axis z, mm."""
+        filled = [np.where((y > a) & (y < b), d - c, 0.0) for a, b, c, d in self.bands]
+        return np.asarray(2.0 * np.sum(filled, axis=0))
+
+
+@dataclass(frozen=True)
+class Ring:
+    """What lies between two circles, of an outer diameter and a bore, mm."""
+
+    diameter: float
+    bore: float
+    warping: float = 0.0
+    """Circles do not warp."""
+
+    @property
+    def sides(self) -> tuple[float, float]:
+        """Outer lengths along y and along z, mm."""
+        return self.diameter, self.diameter
+
+    @property
+    def farthest(self) -> tuple[float, float]:
+        """Of its points from the axes z and y, mm."""
+        return 0.5 * self.diameter, 0.5 * self.diameter
+
+    @property
+    def area(self) -> float:
+        """In mm²."""
+        return np.pi * (self.diameter**2 - self.bore**2) / 4.0
+
+    @property
+    def inertias(self) -> tuple[float, float]:
+        """Second moments of area about y and about z, mm⁴."""
+        inertia = np.pi * (self.diameter**4 - self.bore**4) / 64.0
+        return inertia, inertia
+
+    @property
+    def torsion(self) -> float:
+        """The polar moment of area, mm⁴."""
+        return sum(self.inertias)
+
+    def shear_areas(self, poissons_ratio: float) -> tuple[float, float]:
+        """For deflection along y and along z, mm², exact by the energy of the shear stresses.
+
+        The shear function of Pilkey's chapter 6 is ``(A r + B/r − r³/4) cos θ`` between two circles. A bar has
+        ``6 (1 + ν)²/(7 + 14 ν + 8 ν²)`` of its area.
+        """
+        (a, b), nu = (0.5 * self.diameter, 0.5 * self.bore), poissons_ratio
+        c, e = 0.25 * (3.0 + 2.0 * nu), 0.25 * (1.0 - 2.0 * nu)
+        A, B = c * (a**2 + b**2), c * a**2 * b**2
+        ring = a**2 - b**2
+        energy = A**2 * ring + c * B * ring + (c**2 + e**2) * (a**6 - b**6) / 6.0
+        energy += -0.5 * A * (a**4 - b**4) + 0.5 * B * (1.0 + 2.0 * nu) * ring
+        inertia = 0.25 * np.pi * (a**4 - b**4)
+        area = float((2.0 * (1.0 + nu) * inertia) ** 2 / (np.pi * energy))
+        return area, area
+
+    @property
+    def steps(self) -> list[float]:
+        """Distances ``y ≥ 0`` between which the section's width is smooth."""
+        return [0.0, *([0.5 * self.bore] if self.bore else []), 0.5 * self.diameter]
+
+    def width(self, y: Array) -> Array:
+        """Of the section along z at distances ``(k,)`` from the axis z, mm."""
+        outer, inner = (np.sqrt(np.maximum((0.5 * d) ** 2 - y**2, 0.0)) for d in (self.diameter, self.bore))
+        return np.asarray(2.0 * (outer - inner))
+
 
 @lru_cache(maxsize=512)
-def torsion(quarter: Quarter) -> float:
-    """Torsion constant J of a section, mm⁴: the torque over shear modulus and twist, the ends free to warp."""
+def _torsion(quarter: Quarter) -> float:
     if quarter.empty is Empty.NOTHING:
         return rectangle_torsion(2.0 * quarter.y[1], 2.0 * quarter.z[1])
     return _mesh(quarter).torsion()
 
 
 @lru_cache(maxsize=512)
-def warping(quarter: Quarter) -> float:
-    """Warping constant of a section, mm⁶: the integral of the squared warping function about its centre."""
+def _warping(quarter: Quarter) -> float:
     return _mesh(quarter).warping()
 
 
 @lru_cache(maxsize=512)
-def shear_areas(quarter: Quarter, poissons_ratio: float) -> tuple[float, float]:
-    """Shear areas of a section for deflection along y and along z, mm², by the energy of the shear stresses."""
+def _shear_areas(quarter: Quarter, poissons_ratio: float) -> tuple[float, float]:
     return _mesh(quarter).shear_areas(poissons_ratio)
 
 
@@ -112,22 +205,6 @@ def rectangle_torsion(width: float, thickness: float) -> float:
     n = np.arange(1.0, 2000.0, 2.0)
     series = float(np.sum(np.tanh(0.5 * np.pi * n * a / b) / n**5))
     return a * b**3 / 3.0 * (1.0 - 192.0 / np.pi**5 * (b / a) * series)
-
-
-def round_shear_area(diameter: float, bore: float, poissons_ratio: float) -> float:
-    """Shear area of a round bar or tube, mm², exact by the energy of the shear stresses.
-
-    The shear function of Pilkey's chapter 6 is ``(A r + B/r − r³/4) cos θ`` between two circles. A bar has
-    ``6 (1 + ν)²/(7 + 14 ν + 8 ν²)`` of its area.
-    """
-    a, b, nu = 0.5 * diameter, 0.5 * bore, poissons_ratio
-    c, e = 0.25 * (3.0 + 2.0 * nu), 0.25 * (1.0 - 2.0 * nu)
-    A, B = c * (a**2 + b**2), c * a**2 * b**2
-    ring = a**2 - b**2
-    energy = A**2 * ring + c * B * ring + (c**2 + e**2) * (a**6 - b**6) / 6.0
-    energy += -0.5 * A * (a**4 - b**4) + 0.5 * B * (1.0 + 2.0 * nu) * ring
-    inertia = 0.25 * np.pi * (a**4 - b**4)
-    return float((2.0 * (1.0 + nu) * inertia) ** 2 / (np.pi * energy))
 
 
 @lru_cache(maxsize=1)
@@ -339,6 +416,7 @@ class PolygonConstants:
         warping: constant about the shear centre, mm⁶.
         shear_areas: for deflection along y and along z, mm².
         errors: largest relative change of torsion, warping and shear areas by a mesh of half the width.
+        loops: corners ``(k, 2)`` of the outline and of each hole from the centroid, mm.
     """
 
     area: float
@@ -350,6 +428,39 @@ class PolygonConstants:
     warping: float
     shear_areas: tuple[float, float]
     errors: dict[str, float]
+    loops: list[Array]
+
+    @property
+    def sides(self) -> tuple[float, float]:
+        """Outer lengths along y and along z, mm."""
+        along_y, along_z = np.ptp(self.loops[0], axis=0).tolist()
+        return along_y, along_z
+
+    @property
+    def farthest(self) -> tuple[float, float]:
+        """Of its points from the axes z and y, mm."""
+        far_y, far_z = np.abs(self.loops[0]).max(axis=0).tolist()
+        return far_y, far_z
+
+    @property
+    def steps(self) -> list[float]:
+        """Distances ``y ≥ 0`` between which the section's width is smooth."""
+        y = np.concatenate(self.loops)[:, 0]
+        return [0.0, *np.unique(y[y > 0.0]).tolist()]
+
+    def width(self, y: Array) -> Array:
+        """Of the section along z at distances ``(k,)`` from the axis z, mm."""
+        starts, ends, _ = _edges(self.loops)
+        crossed = (starts[:, 0] > y[:, None]) != (ends[:, 0] > y[:, None])
+        rise = np.where(ends[:, 0] == starts[:, 0], 1.0, ends[:, 0] - starts[:, 0])
+        crossings = starts[:, 1] + (y[:, None] - starts[:, 0]) / rise * (ends[:, 1] - starts[:, 1])
+        places = np.sort(np.where(crossed, crossings, np.inf), axis=1)
+        pairs = np.where(np.isfinite(places), places, 0.0)
+        result: Array = (pairs[:, 1::2] - pairs[:, : 2 * (pairs.shape[1] // 2) : 2]).sum(axis=1)
+        return result
+
+
+Geometry = Quarter | Ring | PolygonConstants
 
 
 @lru_cache(maxsize=64)
@@ -380,6 +491,7 @@ def polygon_constants(loops: tuple[Loop, ...], nu: float) -> PolygonConstants:
     return PolygonConstants(
         area, (float(centroid[0]), float(centroid[1])), (y, z), product, second.torsion, second.shear_centre,
         second.warping, second.shear_areas, {name: float(value) for name, value in errors.items()},
+        centred,
     )  # fmt: skip
 
 

@@ -7,18 +7,17 @@ along y, so that it bends softly about z, deflecting along y.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from itertools import pairwise
-from typing import Annotated, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Union, get_args
 
 import numpy as np
 from pydantic import AfterValidator, Discriminator, Field, Tag, field_validator, model_validator
 
 from vjm.io import saint_venant
-from vjm.io import saint_venant as polygon_section
 from vjm.io.errors import ModelFileError, printed, validated
 from vjm.io.fields import Density, LengthMM, StiffnessSection, Table
-from vjm.io.saint_venant import Empty, PolygonConstants, Quarter
+from vjm.io.saint_venant import Empty, PolygonConstants, Quarter, Ring
 from vjm.model import parts
 from vjm.rotations import Array
 
@@ -112,44 +111,55 @@ class Shape(Material):
         raise ValueError(f"must be above 0 and at most 1, or '{COMPUTED}', got {given}")
 
     @property
+    def geometry(self) -> saint_venant.Geometry:
+        """What follows from its sizes, in one of three ways."""
+        raise NotImplementedError
+
+    @property
     def sides(self) -> tuple[float, float]:
         """Outer lengths along y and along z, mm."""
-        raise NotImplementedError
+        return self.geometry.sides
 
     @property
     def area(self) -> float:
         """In mm²."""
-        raise NotImplementedError
+        return self.geometry.area
 
     @property
     def inertias(self) -> tuple[float, float]:
         """Second moments of area about y and about z, mm⁴."""
-        raise NotImplementedError
+        return self.geometry.inertias
 
     @property
     def torsion_constant(self) -> float:
         """Saint-Venant's, mm⁴."""
-        raise NotImplementedError
+        return self.geometry.torsion
 
     @property
     def warping_constant(self) -> float:
-        """About the centre, mm⁶."""
-        raise NotImplementedError
+        """About the shear centre, mm⁶."""
+        return self.geometry.warping
 
     @property
     def shear_areas(self) -> tuple[float, float]:
         """For deflection along y and along z, mm²; see `vjm.io.saint_venant`."""
-        raise NotImplementedError
+        geometry = self.geometry
+        if isinstance(geometry, PolygonConstants):
+            return geometry.shear_areas
+        return geometry.shear_areas(self.isotropic_ratio)
 
     def fibres(self) -> tuple[Array, Array]:
         """Distances ``(k,)`` in mm from the axis z over the half ``y > 0``, and the areas in mm² that lie there."""
-        raise NotImplementedError
+        steps, width = self.geometry.steps, self.geometry.width
+        places = [low + 0.5 * (high - low) * (GAUSS[0] + 1.0) for low, high in pairwise(steps)]
+        areas = [0.5 * (b - a) * GAUSS[1] * width(y) for (a, b), y in zip(pairwise(steps), places, strict=True)]
+        return np.concatenate(places), np.concatenate(areas)
 
     @property
     def section_moduli(self) -> tuple[float, float]:
         """Elastic section moduli of bending about y and about z, mm³: the moment over its largest stress."""
-        (Iy, Iz), (along_y, along_z) = self.inertias, self.sides
-        return 2.0 * Iy / along_z, 2.0 * Iz / along_y
+        (Iy, Iz), (far_y, far_z) = self.inertias, self.geometry.farthest
+        return Iy / far_z, Iz / far_y
 
     @property
     def warping_length(self) -> float:
@@ -171,67 +181,20 @@ class Shape(Material):
         return parts.Section(E * area, G * self.torsion_constant, E * Iy, E * Iz, G * shear[0], G * shear[1], mass)
 
 
-class RightAngled(Shape):
-    """A shape of right angles, which its quarter describes."""
-
-    def quarter(self) -> Quarter:
-        """The quarter ``y, z ≥ 0``."""
-        raise NotImplementedError
-
-    @property
-    def sides(self) -> tuple[float, float]:
-        """Outer lengths along y and along z, mm."""
-        quarter = self.quarter()
-        return 2.0 * quarter.y[1], 2.0 * quarter.z[1]
-
-    @property
-    def area(self) -> float:
-        """In mm²."""
-        return self.quarter().area
-
-    @property
-    def inertias(self) -> tuple[float, float]:
-        """Second moments of area about y and about z, mm⁴."""
-        return self.quarter().inertias
-
-    @property
-    def torsion_constant(self) -> float:
-        """Saint-Venant's, mm⁴."""
-        return saint_venant.torsion(self.quarter())
-
-    @property
-    def warping_constant(self) -> float:
-        """About the centre, mm⁶."""
-        return saint_venant.warping(self.quarter())
-
-    @property
-    def shear_areas(self) -> tuple[float, float]:
-        """For deflection along y and along z, mm²."""
-        return saint_venant.shear_areas(self.quarter(), self.isotropic_ratio)
-
-    def fibres(self) -> tuple[Array, Array]:
-        """Distances ``(k,)`` in mm from the axis z over the half ``y > 0``, and the areas in mm² that lie there."""
-        bands = self.quarter().bands
-
-        def width(y: Array) -> Array:
-            return 2.0 * np.sum([np.where((y > a) & (y < b), d - c, 0.0) for a, b, c, d in bands], axis=0)
-
-        return _fibres([(a, b) for a, b, _, _ in bands], width)
-
-
-class Rectangle(RightAngled):
+class Rectangle(Shape):
     """A solid rectangle, ``width_mm`` along the section's z and ``thickness_mm`` along its y."""
 
     shape: Literal["rectangle"]
     width_mm: LengthMM = Field(description="along the section's z axis")
     thickness_mm: LengthMM = Field(description="along the section's y axis")
 
-    def quarter(self) -> Quarter:
+    @property
+    def geometry(self) -> Quarter:
         """The quarter ``y, z ≥ 0``."""
         return Quarter((0.0, 0.5 * self.thickness_mm), (0.0, 0.5 * self.width_mm), Empty.NOTHING)
 
 
-class SquareTube(RightAngled):
+class SquareTube(Shape):
     """A square tube of outer ``width_mm`` with sharp corners."""
 
     shape: Literal["square_tube"]
@@ -244,13 +207,14 @@ class SquareTube(RightAngled):
         _check_walls({"wall_mm": self.wall_mm}, self.width_mm)
         return self
 
-    def quarter(self) -> Quarter:
+    @property
+    def geometry(self) -> Quarter:
         """The quarter ``y, z ≥ 0``."""
         ends = (0.5 * self.width_mm - self.wall_mm, 0.5 * self.width_mm)
         return Quarter(ends, ends, Empty.CORE)
 
 
-class RectangularTube(RightAngled):
+class RectangularTube(Shape):
     """A rectangular tube, sharp corners, ``width_mm`` along the section's z and ``thickness_mm`` along its y."""
 
     shape: Literal["rectangular_tube"]
@@ -264,13 +228,14 @@ class RectangularTube(RightAngled):
         _check_walls({"wall_mm": self.wall_mm}, max(self.width_mm, self.thickness_mm))
         return self
 
-    def quarter(self) -> Quarter:
+    @property
+    def geometry(self) -> Quarter:
         """The quarter ``y, z ≥ 0``."""
         y, z = 0.5 * self.thickness_mm, 0.5 * self.width_mm
         return Quarter((y - self.wall_mm, y), (z - self.wall_mm, z), Empty.CORE)
 
 
-class IBeam(RightAngled):
+class IBeam(Shape):
     """An I of two flanges, ``width_mm`` along the section's z, and a web along its y, ``height_mm`` over all."""
 
     shape: Literal["i_beam"]
@@ -286,7 +251,8 @@ class IBeam(RightAngled):
         _check_walls({"flange_mm": self.flange_mm, "web_mm": self.web_mm}, max(self.width_mm, self.height_mm))
         return self
 
-    def quarter(self) -> Quarter:
+    @property
+    def geometry(self) -> Quarter:
         """The quarter ``y, z ≥ 0``."""
         y, z = 0.5 * self.height_mm, 0.5 * self.width_mm
         return Quarter((y - self.flange_mm, y), (0.5 * self.web_mm, z), Empty.SIDES)
@@ -305,45 +271,9 @@ class Round(Shape):
         return 0.0
 
     @property
-    def sides(self) -> tuple[float, float]:
-        """Outer lengths along y and along z, mm."""
-        return self.diameter_mm, self.diameter_mm
-
-    @property
-    def area(self) -> float:
-        """In mm²."""
-        return math.pi * (self.diameter_mm**2 - self.bore**2) / 4.0
-
-    @property
-    def inertias(self) -> tuple[float, float]:
-        """Second moments of area about y and about z, mm⁴."""
-        inertia = math.pi * (self.diameter_mm**4 - self.bore**4) / 64.0
-        return inertia, inertia
-
-    @property
-    def torsion_constant(self) -> float:
-        """The polar moment of area, mm⁴."""
-        return sum(self.inertias)
-
-    @property
-    def warping_constant(self) -> float:
-        """Zero: circles do not warp."""
-        return 0.0
-
-    @property
-    def shear_areas(self) -> tuple[float, float]:
-        """For deflection along y and along z, mm²."""
-        area = saint_venant.round_shear_area(self.diameter_mm, self.bore, self.isotropic_ratio)
-        return area, area
-
-    def fibres(self) -> tuple[Array, Array]:
-        """Distances ``(k,)`` in mm from the axis z over the half ``y > 0``, and the areas in mm² that lie there."""
-        a, b = 0.5 * self.diameter_mm, 0.5 * self.bore
-
-        def width(y: Array) -> Array:
-            return 2.0 * (np.sqrt(np.maximum(a**2 - y**2, 0.0)) - np.sqrt(np.maximum(b**2 - y**2, 0.0)))
-
-        return _fibres([(0.0, b), (b, a)] if b else [(0.0, a)], width)
+    def geometry(self) -> Ring:
+        """The circles."""
+        return Ring(self.diameter_mm, self.bore)
 
 
 class RoundBar(Round):
@@ -393,79 +323,18 @@ class Polygon(Shape):
 
     @model_validator(mode="after")
     def _bordered(self) -> Polygon:
-        polygon_section.check_loops(self.loops)
-        self.constants  # noqa: B018 - what is too slender is said with the file
+        self.geometry  # noqa: B018 - what is no polygon, or too slender, is said with the file
         return self
 
     @property
-    def loops(self) -> tuple[polygon_section.Loop, ...]:
+    def loops(self) -> tuple[saint_venant.Loop, ...]:
         """The outline and the holes."""
         return (tuple(self.outline_mm), *(tuple(hole) for hole in self.holes_mm))
 
     @property
-    def constants(self) -> PolygonConstants:
+    def geometry(self) -> PolygonConstants:
         """All that is known of it, about its centroid."""
-        return polygon_section.polygon_constants(self.loops, self.isotropic_ratio)
-
-    @property
-    def centred(self) -> list[Array]:
-        """Corners ``(k, 2)`` of each loop from the centroid, mm."""
-        return [np.array(loop) - self.constants.centroid for loop in self.loops]
-
-    @property
-    def sides(self) -> tuple[float, float]:
-        """Outer lengths along y and along z, mm."""
-        along_y, along_z = np.ptp(np.array(self.outline_mm), axis=0).tolist()
-        return along_y, along_z
-
-    @property
-    def area(self) -> float:
-        """In mm²."""
-        return self.constants.area
-
-    @property
-    def inertias(self) -> tuple[float, float]:
-        """Second moments of area about y and about z, mm⁴."""
-        return self.constants.inertias
-
-    @property
-    def torsion_constant(self) -> float:
-        """Saint-Venant's, mm⁴."""
-        return self.constants.torsion
-
-    @property
-    def warping_constant(self) -> float:
-        """About the shear centre, mm⁶."""
-        return self.constants.warping
-
-    @property
-    def shear_areas(self) -> tuple[float, float]:
-        """For deflection along y and along z, mm²."""
-        return self.constants.shear_areas
-
-    @property
-    def section_moduli(self) -> tuple[float, float]:
-        """Elastic section moduli of bending about y and about z, mm³: the moment over its largest stress."""
-        far_y, far_z = np.abs(self.centred[0]).max(axis=0).tolist()
-        Iy, Iz = self.inertias
-        return Iy / far_z, Iz / far_y
-
-    def fibres(self) -> tuple[Array, Array]:
-        """Distances ``(k,)`` in mm from the axis z over the half ``y > 0``, and the areas in mm² that lie there."""
-        starts = np.concatenate(self.centred)
-        ends = np.concatenate([np.roll(loop, -1, axis=0) for loop in self.centred])
-
-        def width(y: Array) -> Array:
-            crossed = (starts[:, 0] > y[:, None]) != (ends[:, 0] > y[:, None])
-            rise = np.where(ends[:, 0] == starts[:, 0], 1.0, ends[:, 0] - starts[:, 0])
-            crossings = starts[:, 1] + (y[:, None] - starts[:, 0]) / rise * (ends[:, 1] - starts[:, 1])
-            places = np.sort(np.where(crossed, crossings, np.inf), axis=1)
-            pairs = np.where(np.isfinite(places), places, 0.0)
-            result: Array = (pairs[:, 1::2] - pairs[:, : 2 * (pairs.shape[1] // 2) : 2]).sum(axis=1)
-            return result
-
-        steps = np.unique(np.concatenate([[0.0], starts[starts[:, 0] > 0.0, 0]])).tolist()
-        return _fibres(list(pairwise(steps)), width)
+        return saint_venant.polygon_constants(self.loops, self.isotropic_ratio)
 
     def stiffness(self) -> parts.Section:
         """The section's stiffness, N and N mm².
@@ -473,7 +342,7 @@ class Polygon(Shape):
         Raises:
             ValueError: its axes are no principal ones, or its shear centre is not its centroid.
         """
-        constants, size = self.constants, math.sqrt(self.area)
+        constants, size = self.geometry, math.sqrt(self.area)
         turned = 0.5 * math.atan2(-2.0 * constants.product, constants.inertias[0] - constants.inertias[1])
         if abs(constants.product) > STRAIGHT * sum(constants.inertias):
             raise ValueError(
@@ -487,13 +356,6 @@ class Polygon(Shape):
                 "centre line: give EA_N, GJ_Nmm2, EIy_Nmm2 and EIz_Nmm2 of the beam"
             )
         return super().stiffness()
-
-
-def _fibres(bands: list[tuple[float, float]], width: Callable[[Array], Array]) -> tuple[Array, Array]:
-    """Places and areas of the fibres of bands from one y to another, of a width ``(k,)`` there."""
-    places = [low + 0.5 * (high - low) * (GAUSS[0] + 1.0) for low, high in bands]
-    areas = [0.5 * (b - a) * GAUSS[1] * width(y) for (a, b), y in zip(bands, places, strict=True)]
-    return np.concatenate(places), np.concatenate(areas)
 
 
 def _check_hole(wall: float, across: float, key: str, solid: str) -> None:
@@ -514,15 +376,10 @@ def _check_walls(walls: dict[str, float], side: float) -> None:
 
 
 SHAPES: dict[str, type[Shape]] = {
-    "rectangle": Rectangle,
-    "square_tube": SquareTube,
-    "rectangular_tube": RectangularTube,
-    "round_bar": RoundBar,
-    "round_tube": RoundTube,
-    "i_beam": IBeam,
-    "polygon": Polygon,
+    get_args(kind.model_fields["shape"].annotation)[0]: kind
+    for kind in (Rectangle, SquareTube, RectangularTube, RoundBar, RoundTube, IBeam, Polygon)
 }
-"""The shapes by what a file says in ``shape``. One more is written here and in `AnySection`."""
+"""The shapes by what a file says in ``shape``."""
 
 STEEL = {"youngs_modulus_MPa": 2.1e5, "poissons_ratio": 0.3, "density_kg_per_m3": 7850.0}
 """Of a shape without a modulus."""
@@ -566,22 +423,20 @@ def _kind_of_section(raw: object) -> str:
     return str(shape)
 
 
-AnySection = Annotated[
-    Annotated[StiffnessSection, Tag("stiffness")]
-    | Annotated[Rectangle, Tag("rectangle")]
-    | Annotated[SquareTube, Tag("square_tube")]
-    | Annotated[RectangularTube, Tag("rectangular_tube")]
-    | Annotated[RoundBar, Tag("round_bar")]
-    | Annotated[RoundTube, Tag("round_tube")]
-    | Annotated[IBeam, Tag("i_beam")]
-    | Annotated[Polygon, Tag("polygon")],
-    Discriminator(
-        _kind_of_section,
-        custom_error_type="unknown_shape",
-        custom_error_message=(
-            f"has an unknown shape: write {', '.join(map(repr, [*SHAPES][:-1]))} or '{[*SHAPES][-1]}', "
-            "or no shape but EA_N, GJ_Nmm2, EIy_Nmm2 and EIz_Nmm2"
+if TYPE_CHECKING:
+    AnySection = StiffnessSection | Shape
+else:
+    AnySection = Annotated[
+        Union[  # noqa: UP007  (of as many tables as there are shapes)
+            tuple(Annotated[kind, Tag(name)] for name, kind in {"stiffness": StiffnessSection, **SHAPES}.items())
+        ],
+        Discriminator(
+            _kind_of_section,
+            custom_error_type="unknown_shape",
+            custom_error_message=(
+                f"has an unknown shape: write {', '.join(map(repr, [*SHAPES][:-1]))} or '{[*SHAPES][-1]}', "
+                "or no shape but EA_N, GJ_Nmm2, EIy_Nmm2 and EIz_Nmm2"
+            ),
         ),
-    ),
-]
+    ]
 """Stiffness values or a shape; the key ``shape`` tells."""

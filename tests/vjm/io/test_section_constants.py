@@ -303,7 +303,7 @@ def test_a_channel_is_no_section_of_a_beam():
     shape = vjm.shape("polygon", outline_mm=channel)
     # thin walls: e = 3 b² t/(h t + 6 b t) beside the web's middle line, b = 38.5 and h = 57
     e = 3.0 * 38.5**2 / (57.0 + 6.0 * 38.5)
-    constants = shape.constants
+    constants = shape.geometry
     assert 1.5 - constants.centroid[0] - constants.shear_centre[0] == pytest.approx(e, rel=0.02)
     with pytest.raises(ValueError, match="shear centre lies"):
         shape.stiffness()

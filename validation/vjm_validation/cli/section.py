@@ -153,7 +153,7 @@ def _of_model(model: str, sizes: Sequence[str], parts: Sequence[str]) -> dict[st
 
 def _row(name: str, shape: Shape) -> SectionRow:
     shear, (Iy, Iz), E = list(shape.shear_areas), shape.inertias, shape.youngs_modulus_MPa
-    constants = shape.constants if isinstance(shape, Polygon) else None
+    constants = shape.geometry if isinstance(shape, Polygon) else None
     return SectionRow(
         name=name, shape=next(kind for kind, one in SHAPES.items() if one is type(shape)), area_mm2=shape.area,
         second_moments_mm4=list(shape.inertias), section_moduli_mm3=list(shape.section_moduli),

@@ -16,7 +16,8 @@ from matplotlib.path import Path as Outline
 from vjm.continuation.path import Path
 from vjm.design.modes import Modes
 from vjm.io.files import write_whole
-from vjm.io.shapes import Polygon, RightAngled, Round, Shape
+from vjm.io.saint_venant import Quarter
+from vjm.io.shapes import Polygon, Round, Shape
 from vjm.rotations import Array
 from vjm_output.number_text import number
 from vjm_output.plots import ENGINES, EVENT_MARKERS, Picture, drawing_of, engine_style, figure, plain
@@ -238,7 +239,7 @@ def sections_picture(shapes: Mapping[str, Shape]) -> Picture:
             for patch in _outline(shape):
                 ax.add_patch(patch)
             if isinstance(shape, Polygon):
-                y, z = shape.constants.shear_centre
+                y, z = shape.geometry.shear_centre
                 ax.plot([z], [y], "+", color="black", markersize=8)
             ax.set(xlim=(-reach, reach), ylim=(-reach, reach), xlabel="z, mm", ylabel="y, mm", title=plain(name))
             ax.set_aspect("equal")
@@ -254,7 +255,7 @@ def sections_picture(shapes: Mapping[str, Shape]) -> Picture:
 def _extent(shape: Shape) -> float:
     """How far a section, or its shear centre, lies from its centroid along an axis at most, mm."""
     if isinstance(shape, Polygon):
-        return float(np.abs(np.vstack([*shape.centred, shape.constants.shear_centre])).max())
+        return float(np.abs(np.vstack([*shape.geometry.loops, shape.geometry.shear_centre])).max())
     return 0.5 * max(shape.sides)
 
 
@@ -266,13 +267,15 @@ def _outline(shape: Shape) -> list[Patch]:
         return [Circle((0.0, 0.0), radius, color=FILLED)]
     if isinstance(shape, Polygon):
         # holes run the other way round, so that they stay open
-        loops = [loop if (_turns(loop) > 0.0) == (k == 0) else loop[::-1] for k, loop in enumerate(shape.centred)]
+        loops = [
+            loop if (_turns(loop) > 0.0) == (k == 0) else loop[::-1] for k, loop in enumerate(shape.geometry.loops)
+        ]
         paths = [Outline(np.vstack([loop, loop[:1]])[:, ::-1], closed=True) for loop in loops]
         return [PathPatch(Outline.make_compound_path(*paths), facecolor=FILLED, edgecolor="none")]
-    assert isinstance(shape, RightAngled)
+    assert isinstance(shape.geometry, Quarter)
     return [
         Rectangle((min(i * c, i * d), min(j * a, j * b)), d - c, b - a, color=FILLED)
-        for a, b, c, d in shape.quarter().bands
+        for a, b, c, d in shape.geometry.bands
         for i in (-1.0, 1.0)
         for j in (-1.0, 1.0)
     ]
