@@ -143,17 +143,12 @@ def _place(loc: tuple[int | str, ...], document: Mapping[str, Any]) -> tuple[str
             table = "turn"
         return where, inner, table
     if len(path) >= 2 and path[0] == "postures":
-        # pydantic's way to say that the key itself is wrong
-        return f"posture '{path[1]}'", _in_posture(path[2:]), ""
+        # pydantic names the kind of the posture on the way, and by "[key]" that the key itself is wrong
+        inner = path[3:] if path[2:3] in (["row"], ["table"]) else path[2:]
+        return f"posture '{path[1]}'", ["its label" if step == "[key]" else step for step in inner], ""
     if len(path) >= 2 and path[0] in ("units", "base", "springs"):
         return f"[{path[0]}]", path[1:], "turn" if "turns" in path[:-1] else str(path[0])
     return "", path, ""
-
-
-def _in_posture(path: list[int | str]) -> list[int | str]:
-    """Without the kind of the posture, which pydantic names on the way."""
-    inner = path[1:] if path and path[0] in ("row", "table") else path
-    return ["its label" if step == "[key]" else step for step in inner]
 
 
 def _key(path: list[int | str]) -> str:

@@ -42,11 +42,8 @@ class LawTable(Table):
         Raises:
             ValueError: a number is missing, stands twice or has another unit, or the numbers make no law.
         """
-        made, keys, others = (
-            self.law_class,
-            self.law_class.keys(slides=slides),
-            self.law_class.keys(slides=not slides),
-        )
+        made = self.law_class
+        keys, others = made.keys(slides=slides), made.keys(slides=not slides)
         given: dict[str, Any] = {}
         for key, value in self.model_dump(exclude_none=True, exclude={"kind", "source"}).items():
             name, factor = CATALOGUE_UNITS.get(key, ("", 1.0))
@@ -55,25 +52,19 @@ class LawTable(Table):
             elif not name:
                 name = next(name for name in keys if key in (keys[name], others[name]))
             if key not in (keys.get(name), name) and (slides or key not in CATALOGUE_UNITS):
-                raise ValueError(f"law.{key} has the unit of what {_other(slides)}: give {keys[name]}")
+                other = "turns" if slides else "slides or stretches"
+                raise ValueError(f"law.{key} has the unit of what {other}: give {keys[name]}")
             if name in given:
                 raise ValueError(f"law.{key}: {name} stands twice: give it once")
             given[name] = tuple(value) if isinstance(value, list) else value * factor if factor != 1.0 else value
-        missing = next((key for name, key in keys.items() if name not in given and _required(made, name)), None)
+        # a number that has a default is an attribute of the class
+        missing = next((key for name, key in keys.items() if name not in given and not hasattr(made, name)), None)
         if missing is not None:
             raise ValueError(f"law.{missing} is missing: a law of kind '{made.kind}' needs it")
         try:
             return made(**given)
         except ValueError as error:
             raise ValueError(f"law: {error}") from None
-
-
-def _other(slides: bool) -> str:
-    return "turns" if slides else "slides or stretches"
-
-
-def _required(law: type[Law], name: str) -> bool:
-    return not hasattr(law, name)
 
 
 def _table_of(law: type[Law]) -> type[LawTable]:

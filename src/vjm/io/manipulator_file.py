@@ -293,8 +293,8 @@ def legs_document(table: ManipulatorFile, chains: Mapping[str, tuple[Content, Ma
     other = next((body for body in masses if body not in carriers), None)
     if other is not None:
         raise ValueError(f"{table.name}: body '{other}' has a mass, but no leg ends on it")
-    own = {key: masses[PLATFORM].model_dump()[key] for key in _MASS} if PLATFORM in masses else {}
-    parts.append({"kind": "link", "name": PLATFORM, "after": carriers[PLATFORM]} | _without_none(own))
+    own = masses[PLATFORM].model_dump(include=set(_MASS), exclude_none=True) if PLATFORM in masses else {}
+    parts.append({"kind": "link", "name": PLATFORM, "after": carriers[PLATFORM]} | own)
     for coupling in table.couplings:
         terms = [{"joint": f"{term.leg}/{term.joint}", "weight": term.weight} for term in coupling.terms]
         for term, asked in zip(terms, coupling.terms, strict=True):
@@ -322,10 +322,6 @@ _MASS = ("mass_kg", "centre_of_mass_mm", "inertia_kg_mm2")
 def _behind(leg: LegTable, part: str) -> str:
     """The part of a leg behind which another begins; an empty one is the leg's root."""
     return named(leg.name, part or ROOT)
-
-
-def _without_none(table: Mapping[str, Any]) -> Content:
-    return {key: value for key, value in table.items() if value is not None}
 
 
 def _turns(turns: Turns) -> list[Content]:

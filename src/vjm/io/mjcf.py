@@ -97,7 +97,13 @@ class ConstrainedModel:
         that do not move it.
         """
         model = self._model
-        loops = {k: self._loop(k) for k in range(model.neq) if self._is_closure(k)}
+        # the bodies whose joints move the two bodies of a closure against one another
+        loops = {
+            k: set(self._way(first)) ^ set(self._way(second))
+            for k in range(model.neq)
+            if self._is_closure(k)
+            for first, second in [self._closed_bodies(k)]
+        }
         if tip is None:
             self._closures_kept = list(loops)
             return list(range(1, model.nbody))
@@ -106,7 +112,8 @@ class ConstrainedModel:
             raise ModelFileError(f"{self._file}: no body '{tip}'{hint}")
         way = self._way(self._bodies.index(tip))
         moving, kept = set(way), set[int]()
-        while new_loops := {k for k, loop in loops.items() if k not in kept and self._jointed(loop & moving)}:
+        jointed = {body for body in range(1, model.nbody) if model.body_jntnum[body]}
+        while new_loops := {k for k, loop in loops.items() if k not in kept and loop & moving & jointed}:
             kept |= new_loops
             for body in set().union(*(loops[k] for k in new_loops)):
                 moving.update(self._way(body))
@@ -122,7 +129,7 @@ class ConstrainedModel:
             self._notes.left_out.append(f"closed loops that do not move '{tip}': {named}")
         if not kept:
             return way
-        idle = {body for body in range(1, model.nbody) if model.body_jntnum[body]} - moving
+        idle = jointed - moving
         return [body for body in range(1, model.nbody) if not idle.intersection(self._way(body))]
 
     def _is_closure(self, k: int) -> bool:
@@ -140,14 +147,6 @@ class ConstrainedModel:
     def _closure_name(self, k: int) -> str:
         first, second = (self._bodies[i] for i in self._closed_bodies(k))
         return self._name("EQUALITY", k) or f"{first}-to-{second}"
-
-    def _loop(self, k: int) -> set[int]:
-        """The bodies whose joints move the two bodies of a closure against one another."""
-        first, second = (set(self._way(i)) for i in self._closed_bodies(k))
-        return first ^ second
-
-    def _jointed(self, bodies: set[int]) -> bool:
-        return any(self._model.body_jntnum[body] for body in bodies)
 
     def _leads(self) -> dict[int, int]:
         """By follower, the joint that it follows in the end."""
@@ -371,7 +370,8 @@ class SprungModel(ConstrainedModel):
     def _springs_of_tendons(self) -> Iterator[_Elastic]:
         model = self._model
         for tendon in range(model.ntendon):
-            stiffness, name = float(model.tendon_stiffness[tendon]), f"the spring of {self._tendon_name(tendon)}"
+            named = self._name("TENDON", tendon) or f"number {tendon + 1}"
+            stiffness, name = float(model.tendon_stiffness[tendon]), f"the spring of tendon '{named}'"
             if not self._is_linear("tendon", tendon, name) or not stiffness > 0.0:
                 continue
             low, high = (float(v) for v in model.tendon_lengthspring[tendon])
@@ -382,9 +382,6 @@ class SprungModel(ConstrainedModel):
                 self._notes.left_out.append(f"{name}, which is slack from {printed(low)} to {printed(high)}")
             else:
                 yield _Elastic(name, weights, stiffness, low, tendon=True)
-
-    def _tendon_name(self, tendon: int) -> str:
-        return f"tendon '{self._name('TENDON', tendon) or f'number {tendon + 1}'}'"
 
     def _tendon_weights(self, tendon: int) -> dict[int, float]:
         """Of joints of one freedom whose sum is the length of a fixed tendon; none of another tendon."""

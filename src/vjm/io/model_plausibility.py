@@ -610,7 +610,8 @@ def postures(model: ModelFile) -> Iterator[Found]:
         given = {name: q for name, q in model.given(label).items() if name in moving}
         where = f"posture '{label}'"
         turned = [q for q in given.values() if q]
-        for name, q in given.items() if all(_round_number(q) for q in turned) else ():
+        # multiples of a tenth, as degrees are typed
+        for name, q in given.items() if all(abs(q - round(q, 1)) <= 1e-12 for q in turned) else ():
             if isinstance(moving[name], JointTable) and abs(q) >= FOLDED and moving[name].limits is None:
                 message = (
                     f"the passive joint {name} at {printed(q)} rad is turned by {printed(np.rad2deg(q), 3)}°, and "
@@ -620,11 +621,6 @@ def postures(model: ModelFile) -> Iterator[Found]:
         if turned and max(map(abs, turned)) >= 3.0 and all(float(q).is_integer() for q in turned):
             message = "every coordinate is a whole number: are they degrees? Give rad"
             yield Grade.DOUBTFUL, where, message
-
-
-def _round_number(q: float) -> bool:
-    """Whether a coordinate is a multiple of a tenth, as degrees are typed."""
-    return abs(q - round(q, 1)) <= 1e-12
 
 
 def calibrated(model: ModelFile) -> Iterator[Found]:

@@ -20,7 +20,7 @@ from vjm.io.model_plausibility import findings_of
 from vjm.io.schema import ModelFile, known_keys
 from vjm.machine.rigid_mechanism import Closing, home_label
 from vjm.model.machine import Machine
-from vjm.model.parts import Beam, Joint, RigidOffset, Section
+from vjm.model.parts import Beam, Joint, RigidOffset
 from vjm.outcome import Outcome
 
 Location = tuple[int | str, ...]
@@ -204,7 +204,11 @@ def elastic_parts(chain: Machine) -> list[tuple[str, str]]:
     for part in chain.parts:
         match part:
             case Beam():
-                kind = "6×6 compliance" if part.section is None else _section_of(part.section)
+                kind = "6×6 compliance" if part.section is None else "section"
+                if part.section is not None:
+                    shear = (("y", part.section.GAy), ("z", part.section.GAz))
+                    if rigid := [axis for axis, GA in shear if np.isinf(GA)]:
+                        kind = f"section without shear along {' and '.join(rigid)}"
                 rows.append((part.name, f"beam of {printed(part.length)} mm, {kind}"))
             case Joint():
                 if part.elastic:
@@ -232,11 +236,6 @@ def _compliance_of(joint: Joint) -> str:
         return f"spring of {printed(joint.stiffness)} {'N/mm' if joint.slides else 'N mm/rad'}"
     across = " and ".join(printed(compliance) for _, compliance in joint.bearings)
     return ", ".join(text for text in (own, f"{across} rad/(N mm) across" if across else "") if text)
-
-
-def _section_of(section: Section) -> str:
-    rigid = [axis for axis, GA in (("y", section.GAy), ("z", section.GAz)) if np.isinf(GA)]
-    return f"section without shear along {' and '.join(rigid)}" if rigid else "section"
 
 
 def _shift(part: object) -> np.ndarray:

@@ -57,17 +57,6 @@ def words(load_case: LoadCase) -> dict[str, str]:
     }
 
 
-def from_words(head: dict[str, str]) -> LoadCase:
-    """The load case that `words` wrote, among other keys.
-
-    Raises:
-        KeyError, TypeError, ValueError: as `from_plain`.
-    """
-    names = {field.name for field in fields(LoadCase)}
-    data = {key: _value(text) for key, text in head.items() if key in names - {"posture"}}
-    return from_plain({"posture": head["posture"], **data})
-
-
 def _value(text: str) -> Any:  # noqa: ANN401
     try:
         return json.loads(text)
@@ -157,7 +146,9 @@ def read_curve(file: FilePath) -> Path:
     if missing:
         raise ValueError(f"{file}: no curve file: missing column {missing[0]}")
     try:
-        load_case = from_words(head)
+        names = {field.name for field in fields(LoadCase)} - {"posture"}
+        data = {key: _value(text) for key, text in head.items() if key in names}
+        load_case = from_plain({"posture": head["posture"], **data})
         labels = head["engine"], head["model"], load_case
     except (KeyError, TypeError, ValueError) as error:
         raise ValueError(f"{file}: no curve file: {error}") from error

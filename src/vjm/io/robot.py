@@ -79,9 +79,9 @@ class Placing:
         """Whether it moves nothing."""
         return not any(self.shift) and not self.turns
 
-    def keys(self) -> dict[str, Any]:
-        """Of a link's table in a model file."""
-        table: dict[str, Any] = {"translation_mm": list(self.shift)}
+    def keys(self, shift: str = "translation_mm") -> dict[str, Any]:
+        """Of a table in a model file, where the shift has a key."""
+        table: dict[str, Any] = {shift: list(self.shift)}
         if self.turns:
             table["turns"] = [
                 {"turn_about": axis_key(np.array(axis)), "angle_deg": math.degrees(angle)}

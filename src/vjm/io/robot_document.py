@@ -13,7 +13,7 @@ from vjm.io.errors import ModelFileError, printed
 from vjm.io.fields import LONGEST_MM
 from vjm.io.files import toml_text
 from vjm.io.joint_tables import HEAVIEST
-from vjm.io.robot import Mimic, Notes, Placing, Robot, RobotJoint, axis_key, turned, unit_axis
+from vjm.io.robot import Mimic, Notes, Robot, RobotJoint, axis_key, turned, unit_axis
 from vjm.rotations import Array, frame
 
 PLACEHOLDER = {"turns": 1e-8, "slides": 1e-4}
@@ -174,9 +174,11 @@ class _Writer:
     def imported(self) -> Imported:
         pending = list(self._robot.joints)
         while pending:
-            ready = next((joint for joint in pending if self._ready(joint)), None)
+            reached = [joint for joint in pending if joint.parent in self._ends_with]
+            leads = {None, *self._leads}
+            ready = next((j for j in reached if j.passive or (j.mimic and j.mimic.joint) in leads), None)
             if ready is None:
-                self._lead(next(joint for joint in pending if joint.parent in self._ends_with))
+                self._lead(reached[0])
                 continue
             pending.remove(ready)
             self._add(ready)
@@ -187,10 +189,6 @@ class _Writer:
                 f"the mass of '{base.name}', {printed(base.mass)} kg: the base moves nothing"
             )
         return self._with_ends()
-
-    def _ready(self, joint: RobotJoint) -> bool:
-        master = joint.mimic.joint if joint.mimic and not joint.passive else None
-        return joint.parent in self._ends_with and (master is None or master in self._leads)
 
     def _lead(self, joint: RobotJoint) -> None:
         """Put the joint that another follows at the base, where it moves nothing itself."""
@@ -366,7 +364,7 @@ class _Writer:
                 {
                     "name": self._names.new(one.name),
                     "between": [self._ends_with[body] for body in one.bodies],
-                    "frames": [_frame_keys(place) for place in one.placings],
+                    "frames": [place.keys("position_mm") for place in one.placings],
                     **({"holds": "ball"} if one.turns else {}),
                 }
                 for one in self._robot.closures
@@ -382,9 +380,3 @@ class _Writer:
             document["ends"] = {label: self._ends_with[name] for name, label in self._tips.items()}
             imported.ends = list(self._tips)
         return imported
-
-
-def _frame_keys(place: Placing) -> dict[str, Any]:
-    """Of a closure's frame in a model file."""
-    keys = place.keys()
-    return {"position_mm": keys.pop("translation_mm"), **keys}

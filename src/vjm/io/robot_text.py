@@ -291,7 +291,7 @@ def _link(robot: ET.Element, body: ChainBody) -> None:
     link = ET.SubElement(robot, "link", name=body.name)
     if body.mass > 0.0 and body.centre is not None:
         inertial = ET.SubElement(link, "inertial")
-        ET.SubElement(inertial, "origin", xyz=_urdf_metres(body.centre), rpy="0 0 0")
+        ET.SubElement(inertial, "origin", xyz=_metres(body.centre), rpy="0 0 0")
         ET.SubElement(inertial, "mass", value=written(body.mass))
         values = [0.0] * 6
         if isinstance(body.part, RigidOffset) and body.part.inertia is not None:
@@ -304,7 +304,8 @@ def _urdf_joint(robot: ET.Element, body: ChainBody) -> None:
     limits = limits_of(body)
     types = {"fixed": "fixed", "slides": "prismatic", "turns": "revolute" if limits else "continuous"}
     joint = ET.SubElement(robot, "joint", name=body.joint, type=types[body.kind])
-    _origin(joint, body.frame)
+    angles = roll_pitch_yaw(body.frame[:3, :3])
+    ET.SubElement(joint, "origin", xyz=_metres(body.frame[:3, 3]), rpy=" ".join(map(written, angles)))
     ET.SubElement(joint, "parent", link=body.parent)
     ET.SubElement(joint, "child", link=body.name)
     if body.kind == "fixed":
@@ -317,15 +318,6 @@ def _urdf_joint(robot: ET.Element, body: ChainBody) -> None:
     if (follows := body.follows) is not None:
         ratio, offset = written(follows.ratio, follows.power), written(follows.offset, power)
         ET.SubElement(joint, "mimic", joint=follows.joint, multiplier=ratio, offset=offset)
-
-
-def _origin(joint: ET.Element, T: Array) -> None:
-    angles = roll_pitch_yaw(T[:3, :3])
-    ET.SubElement(joint, "origin", xyz=_urdf_metres(T[:3, 3]), rpy=" ".join(map(written, angles)))
-
-
-def _urdf_metres(vector: Array) -> str:
-    return " ".join(written(v, -3) for v in vector)
 
 
 LEAST = "1e-09"

@@ -399,7 +399,8 @@ def survey(
     while todo:
         todo += look(*todo.pop())
     for why, things in left.items():
-        notes.left_out.append(f"{why}: {', '.join(_counted(what, len(lines)) for what, lines in things.items())}")
+        counted = (f"{what} ({len(lines)})" if len(lines) > 1 else what for what, lines in things.items())
+        notes.left_out.append(f"{why}: {', '.join(counted)}")
     for what, lines in odd.items():
         notes.left_out.append(f"not understood: {what} ({_lines(lines)})")
     if macros:
@@ -412,10 +413,6 @@ def _below(element: XmlElement) -> Iterator[XmlElement]:
         one = todo.pop()
         yield one
         todo += one.children
-
-
-def _counted(what: str, count: int) -> str:
-    return f"{what} ({count})" if count > 1 else what
 
 
 def _lines(lines: list[int]) -> str:

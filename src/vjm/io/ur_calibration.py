@@ -29,7 +29,7 @@ from vjm.io.dh_table import (
     table_robot,
     table_text,
 )
-from vjm.io.errors import ModelFileError, did_you_mean, printed
+from vjm.io.errors import ModelFileError, did_you_mean, naming, printed
 from vjm.io.robot import Notes, Placing, Reading, Robot
 from vjm.io.robot_text import written
 from vjm.rotations import roll_pitch_yaw
@@ -222,12 +222,11 @@ def controller_robot(path: Path, reading: Reading, kind: str = "") -> Robot:
         raise ModelFileError(
             f"{file}: has offsets alone, which are added to the nominal table: name the arm's type, --ur-type ur5e"
         )
-    try:
-        table = _own_table(parser, file) if has_table else nominal_table(kind)
-    except ModelFileError:
-        raise
-    except ValueError as error:
-        raise ModelFileError(f"{file}: --ur-type: {error}") from error
+    if has_table:
+        table = _table(file.split(".")[0], [0.0] * 6, *(_six(parser, "DH", key, file) for key in DELTAS[1:]))
+    else:
+        with naming(f"{file}: --ur-type"):
+            table = nominal_table(kind)
     if has_deltas:
         deltas = [_six(parser, "mounting", f"delta_{key}", file) for key in DELTAS]
         table = _added(table, *deltas)
@@ -243,11 +242,6 @@ def controller_robot(path: Path, reading: Reading, kind: str = "") -> Robot:
             notes.left_out.append(f"[{section}] {', '.join(own)}")
     notes.doubtful.append("limits of joints are not read: none are taken")
     return table_robot(table, file, reading, notes)
-
-
-def _own_table(parser: configparser.ConfigParser, file: str) -> DhTable:
-    a, d, alpha = (_six(parser, "DH", key, file) for key in ("a", "d", "alpha"))
-    return _table(file.split(".")[0], [0.0] * 6, a, d, alpha)
 
 
 def _added(table: DhTable, theta: list[float], a: list[float], d: list[float], alpha: list[float]) -> DhTable:
