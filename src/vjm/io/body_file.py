@@ -169,12 +169,7 @@ def _thread(table: BodyJointTable) -> Content:
 
 
 def joint_parts(table: BodyJointTable, sign: int) -> list[Content]:
-    """The parts of a joint, in the order from one body to the other.
-
-    Args:
-        table: the joint.
-        sign: 1 from the first body to the second, −1 the other way.
-    """
+    """The parts of a joint, in the order from one body to the other; ``sign`` −1: from the second on."""
     kind, own = JOINT_KINDS[table.kind], dict(table.model_extra or {})
     return [
         own
@@ -291,10 +286,6 @@ class _BodyTree:
 
 def chain_document(content: Mapping[str, Any], file: str) -> Content:
     """The document of the chain file that says the same as one of bodies and joints.
-
-    Args:
-        content: as TOML gives it, of kind `KIND`.
-        file: name for messages.
 
     Returns:
         Its first posture is `DRAWN`; the file's own have all coordinates, as the loops close.

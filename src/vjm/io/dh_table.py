@@ -110,12 +110,7 @@ def placed(placing: Placing) -> Array:
 
 
 def placing_of(T: Array, size: float) -> Placing:
-    """A frame as a shift and turns about z, y and x, without what rounding leaves of zero.
-
-    Args:
-        T: ``(4, 4)``, mm.
-        size: of the machine, mm.
-    """
+    """A frame ``(4, 4)`` as a shift and turns about z, y and x, less what rounding leaves of zero; all in mm."""
     roll, pitch, yaw = roll_pitch_yaw(T[:3, :3])
     x, y, z = (_whole(v, ROUNDING * size) for v in T[:3, 3])
     turns = ((Z, yaw), (Y, pitch), (X, roll))
@@ -136,9 +131,6 @@ def brought_near(steps: Sequence[Placing]) -> tuple[list[Placing], list[int]]:
     A frame may stand anywhere on its joint's axis. Behind a nearly parallel axis it is put where its own axis meets
     the plane across the other one, so that no offset is left between the two. It is done where offsets cancel: most
     of the sum of the steps' lengths then leads forth and back.
-
-    Args:
-        steps: as `DhTable.steps` has them.
 
     Returns:
         The steps, and the numbers of the joints that were moved, from zero; the same steps and none where lengths
@@ -209,12 +201,8 @@ def dh_table(chain: SerialChain, convention: Convention, parallel: Parallel = "b
     """The table of a chain.
 
     Of the two directions of each common normal the one with the smaller angle θ is taken, as makers' tables have
-    it; a may be negative then. Along exactly parallel axes d is zero, and the offset stands in the row behind them.
-
-    Args:
-        chain: the machine.
-        convention: of the table.
-        parallel: what nearly parallel axes get: Hayati's β, or offsets that cancel.
+    it; a may be negative then. Nearly parallel axes get Hayati's β, or offsets that cancel. Along exactly parallel
+    axes d is zero, and the offset stands in the row behind them.
 
     Raises:
         ValueError: offsets would be so large that digits are lost; it names the joints.
@@ -372,18 +360,10 @@ def serial_robot(
     base: Placing | None = None,
     tool: Placing | None = None,
 ) -> Robot:
-    """A robot whose joints turn about, or slide along, the z axes of their frames.
+    """A robot whose joints turn about, or slide along, the z axes of their frames, from base to tool.
 
-    Args:
-        name: of the robot.
-        joints: their names, motions and limits, from base to tool.
-        steps: from each joint's frame to the next, see `vjm.io.dh_table.DhTable.steps`. Offsets that cancel are
-            moved along the joints' axes, and the notes say so.
-        file: for messages.
-        reading: how limits are read that are reversed.
-        notes: to which is added what is to be said.
-        base: frame of the base in the world.
-        tool: frame of the tool, behind the last step.
+    The steps are those of `DhTable.steps`. Offsets that cancel are moved along the joints' axes, and the notes say
+    so. The base lies in the world, the tool behind the last step.
 
     Raises:
         ModelFileError: lengths beyond 100 m that do not cancel, or reversed limits that are not to be repaired.
@@ -590,11 +570,6 @@ def _csv_row(cells: dict[str, str], where: str) -> dict[str, Any]:
 
 def dh_text(table: DhTable, source: str, suffix: str) -> str:
     """The file of a table, in mm and rad; every number is written exactly.
-
-    Args:
-        table: to be written.
-        source: of the machine.
-        suffix: of the file, ``.csv`` or ``.toml``.
 
     Example:
         >>> print(dh_text(DhTable("one", "dh", (DhRow("hip", a=300.0),)), "", ".csv"))

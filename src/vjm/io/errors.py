@@ -15,6 +15,8 @@ from pydantic_core.core_schema import ErrorType
 
 Checked = TypeVar("Checked", bound=pydantic.BaseModel)
 KnownKeys = Callable[[str], Iterable[str]]
+"""The keys that a table may have, by the table's tag: a kind of part, a kind of section, the name of another table,
+or the empty string for the document itself."""
 LONGEST = 2000
 """Characters of a message; of a longer one its middle is left out."""
 
@@ -71,14 +73,7 @@ def validated(
     kind: type[Checked], content: Mapping[str, Any], where: str, known_keys: KnownKeys | None = None,
     context: Collection[str] = (),
 ) -> Checked:  # fmt: skip
-    """A document as a table of a kind, each key of its type.
-
-    Args:
-        kind: of the table.
-        content: as TOML gives it.
-        where: the file, and what of it, for messages.
-        known_keys: see `one_line`; those of the table itself where they are left out.
-        context: of the validation.
+    """A document, as TOML gives it, as a table of a kind, each key of its type.
 
     Raises:
         ModelFileError: a key is missing, unknown or of another type; one line.
@@ -91,14 +86,7 @@ def validated(
 
 
 def one_line(error: pydantic.ValidationError, document: Mapping[str, Any], known_keys: KnownKeys) -> str:
-    """The first thing that is wrong with a document, and how many more there are.
-
-    Args:
-        error: what pydantic found.
-        document: the document as read, for the parts' names.
-        known_keys: the keys that a table may have, by the table's tag: a kind of part, a kind of section, the
-            name of another table, or the empty string for the document itself.
-    """
+    """The first thing that is wrong with a document, and how many more there are."""
     # a misspelt key is also a missing one: the misspelling is the better news
     details = sorted(error.errors(include_url=False), key=lambda one: one["type"] != "extra_forbidden")
     more = f" (and {len(details) - 1} more)" if len(details) > 1 else ""

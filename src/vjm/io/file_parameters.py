@@ -81,12 +81,6 @@ class Numbered(Protocol):
 def parameter_of(numbers: Numbered, key: str, posture: str, where: str) -> Parameter:
     """A number of a machine as what its behaviour is differentiated by.
 
-    Args:
-        numbers: of the machine.
-        key: of the number.
-        posture: in which the machine stands.
-        where: name of its file or the machine, for messages.
-
     Raises:
         ModelFileError: there is no such number, or it is zero, which has no size.
     """
@@ -137,10 +131,6 @@ class MachineFiles:
     @classmethod
     def read(cls, name_or_path: Model, *, sheared: bool = True) -> MachineFiles:
         """The files of a machine.
-
-        Args:
-            name_or_path: as for `vjm.load`.
-            sheared: whether the shear that they state counts.
 
         Raises:
             ModelFileError: one of them is not there, or has a key that is missing, unknown or of another type.
@@ -301,10 +291,6 @@ class MachineFiles:
 
     def parameter(self, key: str, posture: str = "") -> Parameter:
         """A number as what a machine's behaviour is differentiated by.
-
-        Args:
-            key: of the number.
-            posture: in which the machine stands.
 
         Raises:
             ModelFileError: there is no such number, or it is zero, which has no size.

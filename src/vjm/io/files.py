@@ -38,12 +38,7 @@ def bounded_bytes(path: Path, largest: int) -> bytes:
 
 
 def small_text(path: Path, largest: int, why: str) -> str:
-    """The text of a small file.
-
-    Args:
-        path: of the file.
-        largest: number of its bytes.
-        why: what is said of a larger one: what it cannot be.
+    """The text of a file with some bytes at most; ``why`` is what is said of a larger one.
 
     Raises:
         ModelFileError: it cannot be read, is no UTF-8, or is larger.
@@ -58,11 +53,7 @@ def small_text(path: Path, largest: int, why: str) -> str:
 
 
 def write_whole(path: Path, content: str | bytes) -> None:
-    """Write a file under a temporary name beside its place, then put it there in one step.
-
-    Args:
-        path: of the file; its folder is made.
-        content: text (as UTF-8) or bytes.
+    """Write a text or bytes under a temporary name beside its place, then put it there in one step.
 
     Raises:
         OSError: the folder cannot be made or written to; an older file of that name is still as it was.
@@ -72,9 +63,6 @@ def write_whole(path: Path, content: str | bytes) -> None:
 
 def write_together(contents: Mapping[Path, str | bytes]) -> None:
     """Write files that belong together: all of them under temporary names first, so that a full disk leaves none.
-
-    Args:
-        contents: of each file, text (as UTF-8) or bytes; their folders are made.
 
     Raises:
         OSError: one of them cannot be written; older files of their names are still as they were.

@@ -81,10 +81,6 @@ CAUSES_UNTIL = "0.5.0"
 def present_document(content: dict[str, Any], file: str) -> tuple[dict[str, Any], list[Finding]]:
     """A JSON document with the present names of causes, and a finding for each old one in it.
 
-    Args:
-        content: as its file says it; it is not changed.
-        file: its name for messages.
-
     Example:
         >>> present_document({"cause": "backlash"}, "diagnosis.json")[0]
         {'cause': 'actuator_backlash'}
@@ -106,11 +102,7 @@ def present_document(content: dict[str, Any], file: str) -> tuple[dict[str, Any]
 
 
 def present_causes(names: Iterable[str], where: str) -> tuple[tuple[str, ...], list[Finding]]:
-    """Names of causes as they are now, and a finding for each old one.
-
-    Args:
-        names: causes, or causes of a part: ``backlash.elbow``.
-        where: what they stand in, for messages.
+    """Names of causes, or causes of a part, as they are now, and a finding for each old one.
 
     Example:
         >>> present_causes(["backlash.elbow", "creep"], "--only")[0]

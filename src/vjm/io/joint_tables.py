@@ -180,11 +180,7 @@ class CouplingTable(Table):
     total: float | None = Field(None, description="of the weighted coordinates, rad or mm; else that at home")
 
     def coupling(self, postures: Mapping[str, Mapping[str, float]]) -> Coupling:
-        """The coupling that the table describes.
-
-        Args:
-            postures: coordinates by joint and label, home first.
-        """
+        """The coupling that the table describes, of coordinates by label and joint, home first."""
         total, home = self.total, next(iter(postures.values()))
         if total is None:
             total = sum(term.weight * home.get(term.joint, 0.0) for term in self.terms)

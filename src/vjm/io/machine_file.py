@@ -67,10 +67,6 @@ def build_machine(document: ModelDocument, folder: Legs) -> Machine:
     A drive may be anywhere in its leg, a leg may be rigid or have actuated joints and springs of its own, and the
     platform and the bodies may have masses.
 
-    Args:
-        document: as read.
-        folder: of its legs, see `vjm.io.manipulator_file.Legs`.
-
     Raises:
         ModelFileError: as `load_model`.
     """
@@ -90,10 +86,6 @@ def machine_document(name_or_path: Model) -> ModelDocument:
 
 def as_one_chain(document: ModelDocument, folder: Legs) -> ModelDocument:
     """The document of the chain file that says the same as a manipulator's, its loops closed at home.
-
-    Args:
-        document: as read.
-        folder: of its legs, see `vjm.io.manipulator_file.Legs`.
 
     Raises:
         ModelFileError: as `load_model`.

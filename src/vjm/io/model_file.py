@@ -187,11 +187,6 @@ def build_chain(
 def checked(content: Mapping[str, Any], file: str, *, may_be_rigid: bool = False) -> ModelFile:
     """The tables of a chain's document, each key of its type; no posture is assembled.
 
-    Args:
-        content: as TOML gives it.
-        file: name for messages.
-        may_be_rigid: as for `build_chain`.
-
     Raises:
         ModelFileError: a key is missing, unknown or of another type; one line.
     """

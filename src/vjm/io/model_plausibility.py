@@ -349,11 +349,6 @@ def _as_used(document: ModelDocument, legs: Sequence[LegTable]) -> dict[str, Any
 def model_findings(content: Mapping[str, Any], file: str, *, may_be_rigid: bool = False) -> list[Finding]:
     """What is implausible about a chain's document, refusals first.
 
-    Args:
-        content: a document, see `vjm.io.model_file.build_chain`.
-        file: its name for messages.
-        may_be_rigid: as for `vjm.io.model_file.build_chain`.
-
     Raises:
         ModelFileError: it is not sound.
     """

@@ -209,13 +209,7 @@ _POINT_ARRAYS = [f.name for f in fields(Equilibrium) if f.name != "stiffness"]
 
 
 def save_path(path: Path, file: FilePath, key: str = "") -> None:
-    """Write everything that is known of a path, shapes and events included, as a numpy archive.
-
-    Args:
-        path: to write.
-        file: of the archive.
-        key: of what it was made of, see `vjm.io.provenance`.
-    """
+    """Write all that is known of a path as a numpy archive, with a key of what it was made of."""
     event_points = [e.point for e in path.events if e.point is not None]
     everything = (*path.points, *event_points)
     arrays = {name: np.array([getattr(p, name) for p in everything]) for name in _POINT_ARRAYS}
@@ -244,11 +238,7 @@ def save_path(path: Path, file: FilePath, key: str = "") -> None:
 
 
 def load_path(file: FilePath, key: str = "") -> Path:
-    """Read what `save_path` wrote.
-
-    Args:
-        file: of the archive.
-        key: of what it must have been made of; anything where it is left out.
+    """Read what `save_path` wrote; a key that is given is that of what it must have been made of.
 
     Raises:
         ValueError: the file is damaged, of another kind, or made of other inputs.

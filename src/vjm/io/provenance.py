@@ -87,12 +87,7 @@ class Provenance:
         return differences
 
     def check(self, earlier: object, where: str, remedy: str) -> None:
-        """Refuse to go on with a result of other inputs.
-
-        Args:
-            earlier: its inputs as they were kept; anything else is no result of this program.
-            where: the file, and what of it is another.
-            remedy: what to do.
+        """Refuse to go on with a result of other inputs than those that it was kept with.
 
         Raises:
             OtherInputsError: it was made of other inputs; one line that says which.
@@ -104,12 +99,7 @@ class Provenance:
             raise OtherInputsError(f"{where} ({', '.join(said)}): {remedy}")
 
     def keep(self, file: Path, content: Any) -> None:  # noqa: ANN401
-        """Write a result with what it was made of, whole or not at all.
-
-        Args:
-            file: to write.
-            content: lists, texts and numbers, also infinite ones.
-        """
+        """Write a result of lists, texts and numbers with what it was made of, whole or not at all."""
         record = {"made_of": dict(self.inputs), "content": content}
         write_whole(file, json.dumps(record | {"seal": _sealed(record)}, indent=1) + "\n")
 

@@ -236,12 +236,6 @@ class Notes:
     def repaired(self, repairs: Repairs, refusal: ModelFileError, *, doubtful: str, changed: str) -> bool:
         """Say that what no machine can have was repaired; False, and said, where it is left out in place of that.
 
-        Args:
-            repairs: what becomes of it.
-            refusal: raised where it is refused.
-            doubtful: said where it is left out.
-            changed: said where it is repaired.
-
         Raises:
             ModelFileError: it is refused.
         """

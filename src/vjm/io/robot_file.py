@@ -110,14 +110,7 @@ def _gyration(body: Body) -> float:
 
 
 def units_note(robot: Robot, root: XmlElement, units: FileUnits, *, scales: bool = True) -> str:
-    """What is doubtful about the units of a robot's file, with the option that reads it otherwise; mostly nothing.
-
-    Args:
-        robot: as it was read.
-        root: of its file, for the scales of meshes.
-        units: in which it was read.
-        scales: whether an option reads it in others.
-    """
+    """What is doubtful about the units of a robot's file, with the option that reads it otherwise; mostly none."""
     totals = extent(robot)
     if not totals.size or not totals.mass or all(joint.kind == "fixed" for joint in robot.joints):
         # a body alone is a thing of any density

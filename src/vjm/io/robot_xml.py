@@ -148,14 +148,6 @@ def placing(
 ) -> Placing:
     """Where an origin lies, mm and rad: roll, pitch, yaw about fixed axes, or a quaternion.
 
-    Args:
-        place: for messages.
-        origin: the element; None is the identity.
-        doubts: what is likely a mistake is added.
-        quaternions: whether the file's version knows ``quat_xyzw``.
-        turned: whether its rotation matters.
-        unit: of the file's lengths, in mm.
-
     Raises:
         ModelFileError: numbers are missing or malformed.
     """
@@ -217,16 +209,9 @@ def taken_limits(
     limits: tuple[float, float], joint: str, place: FilePlace, reading: Reading, notes: Notes,
     absent: Sequence[str] = (), *, slides: bool,
 ) -> Limits:  # fmt: skip
-    """Limits of a joint as a model file takes them, and a coordinate inside: zero, else the middle.
+    """Limits of a joint, mm or rad, as a model file takes them, and a coordinate inside: zero, else the middle.
 
-    Args:
-        limits: as the file has them, mm or rad, perhaps infinite.
-        joint: its name, for what is said.
-        place: of it.
-        reading: whether what is reversed is repaired.
-        notes: are added to.
-        absent: names of those that the file does not give.
-        slides: whether they are mm.
+    Those of a file may be infinite; ``absent`` are names of those that it does not give.
 
     Raises:
         ModelFileError: they are reversed, and that is to be refused, or one of them is not given.
@@ -346,14 +331,9 @@ def survey(
     keys: FormatKeys = URDF,
     read: Collection[int] = (),
 ) -> None:
-    """Say what of a file's root and of some of its links and joints is not read.
+    """Say what of a file's root and of its links and joints that are taken is not read.
 
-    Args:
-        root: the robot.
-        owners: its links and joints that are taken.
-        notes: are added to.
-        keys: the file's format.
-        read: ``id`` of elements that were read, though what they stand in is not.
+    ``read`` has the ``id`` of elements that were read, though what they stand in is not.
     """
     left: dict[str, dict[str, list[int]]] = {}
     odd: dict[str, list[int]] = {}
@@ -422,15 +402,9 @@ def _lines(lines: list[int]) -> str:
 
 
 def reflected(inertia: float, ratio: float, place: FilePlace, kind: Kind, joint: str, notes: Notes) -> float:
-    """Inertia of a rotor that its joint feels: times the squared gear ratio.
+    """Inertia of a rotor in kg m² that its joint feels: times the squared gear ratio.
 
-    Args:
-        inertia: of the rotor, kg m².
-        ratio: turns of the motor per turn of the joint, or rad per metre where it slides.
-        place: for messages.
-        kind: how the joint moves.
-        joint: its name.
-        notes: what was read is added.
+    The ratio is turns of the motor per turn of the joint, or rad per metre where it slides.
 
     Returns:
         kg mm², or kg where the joint slides.

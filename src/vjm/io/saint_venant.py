@@ -465,11 +465,7 @@ Geometry = Quarter | Ring | PolygonConstants
 
 @lru_cache(maxsize=64)
 def polygon_constants(loops: tuple[Loop, ...], nu: float) -> PolygonConstants:
-    """All constants of a polygon.
-
-    Args:
-        loops: the outline, then the holes, in any sense of rotation.
-        nu: Poisson's ratio.
+    """All constants of a polygon: of its outline, and its holes, in any sense of rotation.
 
     Raises:
         ValueError: the loops cross or touch, a hole lies outside, or it is too slender.

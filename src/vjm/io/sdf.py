@@ -142,11 +142,7 @@ FORMATS = ("euler_rpy", QUATERNION)
 def pose_of(place: FilePlace, element: XmlElement | None, doubts: list[str], unit: Decimal = METRE) -> Placing:
     """Where a pose places its frame, mm and rad; nowhere else where there is none.
 
-    Args:
-        place: for messages.
-        element: ``<pose>``, six numbers, the last three in degrees where it says so, or seven with a quaternion.
-        doubts: what is likely a mistake is added.
-        unit: of the file's lengths, in mm.
+    It has six numbers, the last three in degrees where it says so, or seven with a quaternion.
 
     Raises:
         ModelFileError: it has other numbers.
@@ -269,12 +265,6 @@ _VERSION = re.compile(r"1\.([0-9]{1,2})")
 
 def sdf_robot(xml: XmlFile, file: str, tip: str | None = None, reading: Reading = USUAL) -> Robot:
     """The robot of an SDF file's elements: the whole tree, or what leads from the world to one link.
-
-    Args:
-        xml: the file.
-        file: its name, for messages.
-        tip: name of the link at the end.
-        reading: how it is read.
 
     Raises:
         ModelFileError: it has no model or several, or what is to be read of it makes no machine.

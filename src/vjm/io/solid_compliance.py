@@ -165,11 +165,6 @@ def solid_key_schema() -> dict[str, Any]:
 def expanded(content: Mapping[str, Any], folder: Path, file: str) -> tuple[dict[str, Any], dict[str, str]]:
     """A model document with every compliance from a drawing as numbers, and the SHA-256 of each drawing by name.
 
-    Args:
-        content: as TOML gives it; not changed.
-        folder: of the model file.
-        file: its name, for messages.
-
     Raises:
         ModelFileError: a wrong table, no such drawing, or no matrix from it.
     """

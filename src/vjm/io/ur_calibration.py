@@ -193,12 +193,7 @@ def _inline(value: str, where: str) -> dict[str, Nested]:
 
 
 def controller_robot(path: Path, reading: Reading, kind: str = "") -> Robot:
-    """The robot of a controller's ``calibration.conf`` or ``urcontrol.conf``.
-
-    Args:
-        path: of the file.
-        reading: how it is read.
-        kind: type of the arm, such as ``ur5e``, where the file has no nominal table itself.
+    """The robot of a controller's ``calibration.conf``, of a type such as ``ur5e``, or ``urcontrol.conf``.
 
     Raises:
         ModelFileError: it cannot be read, has neither offsets nor a table, or its type is not known.
