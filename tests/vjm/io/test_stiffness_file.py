@@ -156,7 +156,7 @@ HEAD = "joint,stiffness_Nm_per_rad,stiffness_N_per_mm,lateral_1_rad_per_Nmm,late
         (f"{HEAD}j1,3,,1e-9,-1\n", "line 2, column lateral_2_rad_per_Nmm: '-1' must be finite and not"),
         (f"{HEAD}j1,3\n\nj1,4\n", "line 4, column joint: 'j1' is there already: give each joint one line"),
         (f"{HEAD},3\n", "line 2, column joint: is empty: name the joint"),
-        (f"{HEAD}j1,1,2,3,4,5\n", "line 2: has 6 cells, but there are 5 columns"),
+        (f"{HEAD}j1,1,2,3,4,5\n", "line 2: has 6 cells, and the table has 5 columns"),
     ],
 )
 def test_a_refusal_of_a_table_names_line_and_column(tmp_path, text, says):
