@@ -9,14 +9,13 @@ from typing import Any
 import numpy as np
 import pinocchio
 from helpers.as_pinocchio import ROBOTS
-from helpers.urdf_arm import LIMIT, arm, joint, link
+from helpers.urdf_arm import LIMIT, arm, import_urdf, joint, link
 
 from fuzz.mutations import mutated
 from vjm.io.bounded_xml import XmlElement, read_xml
 from vjm.io.errors import ModelFileError
 from vjm.io.model_file import build_chain
 from vjm.io.robot_document import Imported
-from vjm.io.urdf import import_urdf
 
 TAG = re.compile(r"<(/?)([\w:]+)((?:\s+[\w:]+\s*=\s*(?:\"[^\"<]*\"|'[^'<]*'))*)\s*(/?)>")
 ATTRIBUTE = re.compile(r"([\w:]+)\s*=\s*\"([^\"<]*)\"")

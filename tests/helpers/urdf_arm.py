@@ -5,11 +5,12 @@ from pathlib import Path
 
 import pytest
 
+from vjm.io.bounded_xml import read_xml
 from vjm.io.errors import ModelFileError
 from vjm.io.model_file import build_chain
-from vjm.io.robot import Reading
-from vjm.io.robot_document import Imported
-from vjm.io.urdf import import_urdf
+from vjm.io.robot import USUAL, Reading
+from vjm.io.robot_document import Imported, robot_document
+from vjm.io.urdf import urdf_robot
 
 INERTIA = '<inertia ixx="0.01" ixy="0" ixz="0" iyy="0.01" iyz="0" izz="0.01"/>'
 LIMIT = '<limit lower="-2" upper="2" effort="100" velocity="2"/>'
@@ -62,6 +63,11 @@ def written(folder: Path, text: str, encoding: str = "utf-8") -> Path:
     file = folder / "arm.urdf"
     file.write_bytes(text.encode(encoding))
     return file
+
+
+def import_urdf(path: Path, tip: str | None = None, reading: Reading = USUAL) -> Imported:
+    """The model document of a URDF alone, with no word on its units."""
+    return robot_document(urdf_robot(read_xml(path), path.name, tip, reading), tip)
 
 
 def imported(folder: Path, text: str, tip: str | None = None, encoding: str = "utf-8", **how) -> Imported:

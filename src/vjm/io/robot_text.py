@@ -263,7 +263,7 @@ def urdf_text(chain: Machine) -> str:
     """The URDF of a chain, a link for each part; metres and radians.
 
     Beams are rigid there. A mass without moments of inertia is a point: they are zero. Lengths, limits, masses and
-    couplings are written exactly, rotations to 1e-15: `vjm.io.urdf.import_urdf` finds the same machine.
+    couplings are written exactly, rotations to 1e-15: `vjm.io.robot_file.import_robot` finds the same machine.
 
     Example:
         >>> from vjm.io.model_file import load_chain

@@ -1,4 +1,4 @@
-"""URDF files of robots, read into a model document.
+"""URDF files of robots.
 
 A URDF knows links with masses and joints with axes, metres and radians. It knows no elasticity: the document that
 comes of it has compliances to be filled in. What no model needs is not looked at, and what is omitted is said.
@@ -11,9 +11,8 @@ import re
 from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import replace
 from decimal import Decimal
-from pathlib import Path
 
-from vjm.io.bounded_xml import XmlElement, XmlFile, read_xml
+from vjm.io.bounded_xml import XmlElement, XmlFile
 from vjm.io.errors import ModelFileError, did_you_mean, printed
 from vjm.io.robot import (
     LEAST_STIFFNESS,
@@ -28,7 +27,6 @@ from vjm.io.robot import (
     masters_of,
     triple,
 )
-from vjm.io.robot_document import Imported, robot_document
 from vjm.io.robot_xml import (
     ONE,
     DescribedTree,
@@ -193,33 +191,13 @@ TYPES = (*MOVING, "fixed", *FLOATING)
 _VERSION = re.compile(r"1\.[0-2]")
 
 
-def import_urdf(path: str | Path, tip: str | None = None, reading: Reading = USUAL) -> Imported:
-    """The model document of a URDF: the whole tree, or what leads from the root to one link.
+def urdf_robot(xml: XmlFile, file: str, tip: str | None = None, reading: Reading = USUAL) -> Robot:
+    """The robot of a URDF's elements: the whole tree, or what leads from the root to one link.
 
     Masses of links on fixed joints are kept. With a tip, nothing but the way to it is looked at.
 
-    Args:
-        path: of the file.
-        tip: name of the link at the end.
-        reading: how it is read.
-
     Raises:
-        ModelFileError: no such file or link, no URDF, or what is to be read of it makes no machine.
-
-    Example:
-        >>> robot = import_urdf("arm.urdf", "tool0")  # doctest: +SKIP
-        >>> chain = build_chain(robot.document, "arm.urdf")  # doctest: +SKIP
-    """
-    file = Path(path)
-    xml = read_xml(file)
-    return robot_document(urdf_robot(xml, file.name, tip, reading), tip)
-
-
-def urdf_robot(xml: XmlFile, file: str, tip: str | None = None, reading: Reading = USUAL) -> Robot:
-    """The robot of a URDF's elements, see `import_urdf`.
-
-    Raises:
-        ModelFileError: as `import_urdf`.
+        ModelFileError: no URDF or no such link, or what is to be read of it makes no machine.
     """
     if xml.root.tag != "robot":
         other = {"sdf": "an SDF file", "mujoco": "an MJCF file; give it the suffix .xml", "COLLADA": "a mesh"}

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from helpers.urdf_arm import arm, written
+from helpers.urdf_arm import arm, import_urdf, written
 from scipy.optimize import brentq
 
 import vjm
@@ -14,7 +14,6 @@ from vjm.design.modes import AlongMotion, ModesVerdict, eigenmodes, frequency_ra
 from vjm.engines import VjmEngine
 from vjm.io.file_parameters import MachineFiles
 from vjm.io.model_file import build_chain
-from vjm.io.urdf import import_urdf
 from vjm.model.load_case import Load
 from vjm.model.machine import Machine
 from vjm.model.parameters import section_value

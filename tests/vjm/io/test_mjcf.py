@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from helpers.imported_mjcf import imported
 from helpers.same_machine import masses, same
-from helpers.urdf_arm import arm, joint, written
+from helpers.urdf_arm import arm, import_urdf, joint, written
 
 from vjm.io.errors import ModelFileError
 from vjm.io.inertia import inertia_matrix
@@ -13,7 +13,6 @@ from vjm.io.manipulator_file import machines, manipulators
 from vjm.io.model_file import build_chain
 from vjm.io.robot_text import mjcf_leaves_out as left_out
 from vjm.io.robot_text import mjcf_text
-from vjm.io.urdf import import_urdf
 from vjm.machine.equilibria import unloaded_frames
 from vjm.machine.rigid_mechanism import Closing
 from vjm.model.mechanism import Mechanism

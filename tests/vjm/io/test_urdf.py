@@ -8,12 +8,11 @@ from pathlib import Path
 
 import pytest
 from helpers.as_pinocchio import FRAMES, ROBOTS, TORQUES, Compared, agrees
-from helpers.urdf_arm import LIMIT, arm, imported, joint, link, parts, refusal, said, written
+from helpers.urdf_arm import LIMIT, arm, import_urdf, imported, joint, link, parts, refusal, said, written
 
 from vjm.io.errors import ModelFileError
 from vjm.io.model_file import build_chain
 from vjm.io.model_plausibility import model_findings
-from vjm.io.urdf import import_urdf
 from vjm.machine.equilibria import unloaded_frames
 from vjm.model.mechanism import Mechanism
 

@@ -9,7 +9,7 @@ import pytest
 from helpers.as_pinocchio import ROBOTS
 from helpers.command import validate
 from helpers.same_machine import masses, same
-from helpers.urdf_arm import LIMIT, arm, imported, joint, link, parts, said, written
+from helpers.urdf_arm import LIMIT, arm, import_urdf, imported, joint, link, parts, said, written
 
 from vjm.design.modes import modes
 from vjm.io.errors import ModelFileError
@@ -19,7 +19,6 @@ from vjm.io.model_file import build_chain, library, read_document
 from vjm.io.robot_file import Description, import_robot
 from vjm.io.robot_text import mjcf_text, urdf_text
 from vjm.io.robot_text import urdf_leaves_out as left_out
-from vjm.io.urdf import import_urdf
 from vjm.model.machine import Machine
 
 FILES = sorted(file.relative_to(ROBOTS).as_posix() for file in ROBOTS.rglob("*.urdf"))

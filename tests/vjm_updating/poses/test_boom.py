@@ -5,10 +5,10 @@ import pytest
 from helpers.boom import SHEET, document, readings
 from helpers.from_files import diagnose_poses, prepared
 from helpers.measured import needed
+from helpers.urdf_arm import import_urdf
 
 from vjm.io.files import toml_text
 from vjm.io.model_file import build_chain
-from vjm.io.urdf import import_urdf
 from vjm.machine.equilibria import unloaded_frames
 from vjm.model.mechanism import Mechanism
 

@@ -4,13 +4,13 @@ import jsonschema
 import numpy as np
 import pytest
 from helpers.from_files import calibrate_poses, diagnose_poses, prepared
+from helpers.urdf_arm import import_urdf
 from hidden_effects.poses.injector import Hidden, measure, rest
 from hidden_effects.poses.plan import NOISE, Planned, save, write
 from hidden_effects.poses.robots import SEVEN, UR10, document, sheet_text
 
 from vjm.io.files import toml_text
 from vjm.io.model_file import build_chain, load_chain
-from vjm.io.urdf import import_urdf
 from vjm.machine.equilibria import equilibria, unloaded_frames
 from vjm.model.mechanism import Mechanism
 from vjm.rotations import rotation_from_vector

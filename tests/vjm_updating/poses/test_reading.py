@@ -7,14 +7,13 @@ import numpy as np
 import pytest
 from helpers.from_files import prepared
 from helpers.small_machines import GRIPPER
-from helpers.urdf_arm import arm, joint
+from helpers.urdf_arm import arm, import_urdf, joint
 from hidden_effects.poses.injector import Hidden, rest
 from hidden_effects.poses.robots import PLANAR, SEVEN, document, sheet_text
 
 from vjm.io.files import toml_text
 from vjm.io.findings import Grade
 from vjm.io.model_file import build_chain
-from vjm.io.urdf import import_urdf
 from vjm.machine.equilibria import unloaded_frames
 from vjm.model.mechanism import Mechanism
 from vjm.rotations import rotation_from_vector, rotation_vector
