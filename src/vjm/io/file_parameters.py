@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass, field, replace
+from functools import reduce
+from operator import getitem
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
@@ -176,20 +178,22 @@ class MachineFiles:
         Raises:
             ModelFileError: there is no number of a key.
         """
-        contents = {name: deepcopy(document.content) for name, document in self.legs.items()}
-        contents[""] = deepcopy(self.document.content)
+        contents = self._contents()
         for key, value in values.items():
             leg, path = self._place(key)
-            table: Any = contents[leg]
-            for word in path[:-2]:
-                table = table[word]
-            inner, last = path[-2:]
+            table, (inner, last) = _inside(contents[leg], path[:-2]), path[-2:]
             table[inner][last] = value
             if path[-3:-2] == MATRIX:
                 table[last][inner] = value
-        own = contents.pop("")
-        legs = {name: self.legs[name]._replace(content=content) for name, content in contents.items()}
-        return replace(self, document=self.document._replace(content=own), legs=legs)
+        return self._with(contents)
+
+    def _contents(self) -> dict[str, dict[str, Any]]:
+        """Copies of what the files say, by the names of the legs' chains; empty for the machine's own."""
+        return {name: deepcopy(document.content) for name, document in {**self.legs, "": self.document}.items()}
+
+    def _with(self, contents: Mapping[str, dict[str, Any]]) -> MachineFiles:
+        legs = {name: document._replace(content=contents[name]) for name, document in self.legs.items()}
+        return replace(self, document=self.document._replace(content=contents[""]), legs=legs)
 
     def unit(self, key: str) -> str:
         """Of a number; empty for none."""
@@ -204,16 +208,12 @@ class MachineFiles:
         Raises:
             ModelFileError: there is no such table.
         """
-        contents = {name: deepcopy(document.content) for name, document in self.legs.items()}
-        contents[""] = deepcopy(self.document.content)
+        contents = self._contents()
         tables: dict[str, dict[str, Any]] = {}
         for leg, content in contents.items():
             before = f"{leg.removesuffix('.toml')}." if leg else ""
             for name, path in _named_tables(content):
-                table: Any = content
-                for word in path:
-                    table = table[word]
-                tables[f"{before}{name}"] = table
+                table = tables[f"{before}{name}"] = _inside(content, path)
                 tables |= {f"{before}{name}.{key}": each for key, each in table.items() if isinstance(each, dict)}
         for key, row in rows.items():
             if key not in tables:
@@ -227,9 +227,7 @@ class MachineFiles:
                 tables[key].clear()
                 tables[key].update(kept)
             tables[key].update(row)
-        own = contents.pop("")
-        legs = {name: self.legs[name]._replace(content=content) for name, content in contents.items()}
-        return replace(self, document=self.document._replace(content=own), legs=legs)
+        return self._with(contents)
 
     def with_posture(self, label: str, coordinates: Mapping[str, float] | Sequence[float]) -> MachineFiles:
         """The same files with a posture more.
@@ -329,10 +327,7 @@ class MachineFiles:
         return {**texts, file: head + toml_text(content)}
 
     def _at(self, place: _Place) -> float:
-        value: Any = (self.legs[place.leg] if place.leg else self.document).content
-        for word in place.path:
-            value = value[word]
-        return float(value)
+        return float(_inside((self.legs[place.leg] if place.leg else self.document).content, place.path))
 
     def _place(self, key: str) -> _Place:
         places = self._places()
@@ -357,13 +352,15 @@ class MachineFiles:
         for leg, document in {**self.legs, "": self.document}.items():
             before = (leg.removesuffix(".toml"),) if leg else ()
             for name, path in _named_tables(document.content):
-                table: Any = document.content
-                for word in path:
-                    table = table[word]
-                for words in _numbers(table, ()):
+                for words in _numbers(_inside(document.content, path), ()):
                     text = [str(word + 1) if isinstance(word, int) else word for word in words]
                     places.setdefault(".".join((*before, name, *text)), _Place(leg, (*path, *words)))
         return places
+
+
+def _inside(content: Any, path: Sequence[str | int]) -> Any:  # noqa: ANN401
+    """What stands at a place in a document."""
+    return reduce(getitem, path, content)
 
 
 def _below_diagonal(path: tuple[str | int, ...]) -> bool:
