@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import reprlib
-from typing import Annotated, Any
+from typing import Annotated, Any, get_args
 
 import numpy as np
 from pydantic import (
@@ -67,6 +67,11 @@ class Table(BaseModel):
     """
 
     model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False, frozen=True, defer_build=True)
+
+
+def tags_of(table: type[Table], key: str) -> tuple[str, ...]:
+    """What tells a kind of table by the value of a key from the others."""
+    return get_args(table.model_fields[key].annotation)
 
 
 class StiffnessSection(Table):

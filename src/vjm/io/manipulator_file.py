@@ -112,15 +112,9 @@ class ManipulatorFile(Table):
 
 
 _TABLES: dict[str, type[Table]] = {
-    "units": Units,
-    "base": Base,
-    "turn": Turn,
-    "legs": LegTable,
-    "couplings": LegCouplingTable,
-    "workspace": Workspace,
-    "platform": PlatformTable,
-    "bodies": PlatformBodyTable,
-}
+    "units": Units, "base": Base, "turn": Turn, "legs": LegTable, "couplings": LegCouplingTable,
+    "workspace": Workspace, "platform": PlatformTable, "bodies": PlatformBodyTable,
+}  # fmt: skip
 
 
 def _one_line(error: pydantic.ValidationError, content: Mapping[str, Any]) -> str:

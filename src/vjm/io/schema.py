@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
-from typing import Annotated, Literal
+from typing import Annotated, Literal, get_args
 
 import numpy as np
 from pydantic import Discriminator, Field, Tag, ValidationInfo, field_validator, model_validator
@@ -30,6 +30,7 @@ from vjm.io.fields import (
     Turns,
     VectorMM,
     rotation,
+    tags_of,
 )
 from vjm.io.joint_tables import (
     LAW_TABLES,
@@ -254,14 +255,7 @@ class Base(Table):
 
 
 AnyPart = Annotated[
-    Annotated[Offset, Tag("offset")]
-    | Annotated[PayloadTable, Tag("payload")]
-    | Annotated[ActuatorTable, Tag("actuator")]
-    | Annotated[MountTable, Tag("mount")]
-    | Annotated[BeamTable, Tag("beam")]
-    | Annotated[JointTable, Tag("joint")]
-    | Annotated[ActuatedTable, Tag("actuated")]
-    | Annotated[CoupledTable, Tag("coupled")],
+    Offset | PayloadTable | ActuatorTable | MountTable | BeamTable | JointTable | ActuatedTable | CoupledTable,
     Field(discriminator="kind"),
 ]
 
@@ -407,29 +401,11 @@ class ModelFile(Table):
 
 
 _TABLES: dict[str, type[Table]] = {
-    "": ModelFile,
-    "units": Units,
-    "base": Base,
-    "turn": Turn,
-    "offset": Offset,
-    "springs": Springs,
-    "actuator": ActuatorTable,
-    "mount": MountTable,
-    "beam": BeamTable,
-    "joint": JointTable,
-    "link": Offset,
-    "payload": PayloadTable,
-    "actuated": ActuatedTable,
-    "coupled": CoupledTable,
-    "point_spring": PointSpringTable,
-    "closure": ClosureTable,
-    "coupling": CouplingTable,
-    "calibrated": CalibratedTable,
-    "stiffness": StiffnessSection,
-    **SHAPES,
-    **LAW_TABLES,
-    "catalogue": CatalogueLaw,
-}
+    "": ModelFile, "units": Units, "base": Base, "turn": Turn, "springs": Springs, "point_spring": PointSpringTable,
+    "closure": ClosureTable, "coupling": CouplingTable, "calibrated": CalibratedTable,
+    **{kind: part for part in get_args(get_args(AnyPart)[0]) for kind in tags_of(part, "kind")},
+    "stiffness": StiffnessSection, **SHAPES, **LAW_TABLES, "catalogue": CatalogueLaw,
+}  # fmt: skip
 
 
 def known_keys(table: str) -> Iterable[str]:

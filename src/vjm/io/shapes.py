@@ -9,14 +9,14 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from itertools import pairwise
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Union, get_args
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Union
 
 import numpy as np
 from pydantic import AfterValidator, Discriminator, Field, Tag, field_validator, model_validator
 
 from vjm.io import saint_venant
 from vjm.io.errors import ModelFileError, printed, validated
-from vjm.io.fields import Density, LengthMM, StiffnessSection, Table
+from vjm.io.fields import Density, LengthMM, StiffnessSection, Table, tags_of
 from vjm.io.saint_venant import Empty, PolygonConstants, Quarter, Ring
 from vjm.model import parts
 from vjm.rotations import Array
@@ -376,7 +376,7 @@ def _check_walls(walls: dict[str, float], side: float) -> None:
 
 
 SHAPES: dict[str, type[Shape]] = {
-    get_args(kind.model_fields["shape"].annotation)[0]: kind
+    tags_of(kind, "shape")[0]: kind
     for kind in (Rectangle, SquareTube, RectangularTube, RoundBar, RoundTube, IBeam, Polygon)
 }
 """The shapes by what a file says in ``shape``."""
