@@ -25,6 +25,7 @@ from vjm.io.model_file import (
     ModelDocument,
     build_chain,
     checked,
+    library_entries,
     parsed,
     read_document,
     written_document,
@@ -136,20 +137,12 @@ def _one_line(error: pydantic.ValidationError, content: Mapping[str, Any]) -> st
 
 def manipulators() -> list[LibraryEntry]:
     """The manipulators that come with the package, by name."""
-    return [
-        LibraryEntry(file.name.removesuffix(".toml"), str(parsed(file.name, file.read_bytes()).content["title"]))
-        for file in _library_files()
-    ]
+    return library_entries("manipulators")
 
 
 def machines() -> list[LibraryEntry]:
     """The machines with closed loops that come with the package, by name."""
-    folder = resources.files("vjm").joinpath("models", "machines")
-    files = sorted((f for f in folder.iterdir() if f.name.endswith(".toml")), key=lambda f: f.name)
-    return [
-        LibraryEntry(file.name.removesuffix(".toml"), str(parsed(file.name, file.read_bytes()).content["title"]))
-        for file in files
-    ]
+    return library_entries("machines")
 
 
 def manipulator_schema() -> dict[str, Any]:
@@ -164,7 +157,7 @@ def legs_folder(name_or_path: Model) -> Path | Traversable:
         if isinstance(name_or_path, str) and inside.joinpath(f"{name_or_path}.toml").is_file():
             return inside / "chains"
     if isinstance(name_or_path, Mapping):
-        return library_folder() / "chains"
+        return resources.files("vjm").joinpath("models", "manipulators", "chains")
     return Path(name_or_path).parent
 
 
@@ -178,11 +171,6 @@ def read_table(document: ModelDocument) -> ManipulatorFile:
         return ManipulatorFile.model_validate(document.content)
     except pydantic.ValidationError as error:
         raise ModelFileError(f"{document.file}: {_one_line(error, document.content)}") from error
-
-
-def library_folder() -> Traversable:
-    """Where the library's manipulators lie, and in ``chains`` their legs."""
-    return resources.files("vjm").joinpath("models", "manipulators")
 
 
 def leg_documents(name_or_path: Model) -> dict[str, ModelDocument]:
@@ -229,10 +217,6 @@ def leg_document(name: str, folder: Legs) -> ModelDocument:
         raise ModelFileError(
             f"chain '{name}' is neither a file beside this one nor in the library: {error}"
         ) from None
-
-
-def _library_files() -> list[Traversable]:
-    return sorted((f for f in library_folder().iterdir() if f.name.endswith(".toml")), key=lambda f: f.name)
 
 
 Content = dict[str, Any]

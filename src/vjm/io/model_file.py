@@ -16,7 +16,7 @@ import numpy as np
 from vjm.io.body_file import KIND as BODIES
 from vjm.io.body_file import chain_document
 from vjm.io.errors import ModelFileError, did_you_mean, naming, validated
-from vjm.io.files import toml_content
+from vjm.io.files import LARGEST, bounded_bytes, toml_content
 from vjm.io.provenance import digest
 from vjm.io.schema import MAY_BE_RIGID, ModelFile, known_keys
 from vjm.io.solid_compliance import expanded, solid_key_schema
@@ -82,9 +82,14 @@ def library() -> list[LibraryEntry]:
         >>> [entry.name for entry in vjm.library()][:2]
         ['compensated-arm', 'orthoglide-chain']
     """
+    return library_entries()
+
+
+def library_entries(*folder: str) -> list[LibraryEntry]:
+    """The models of a folder of the library, by name."""
     return [
         LibraryEntry(file.name.removesuffix(".toml"), str(parsed(file.name, file.read_bytes()).content["title"]))
-        for file in _library_files()
+        for file in _library_files(*folder)
     ]
 
 
@@ -125,14 +130,13 @@ def written_document(name_or_path: Model) -> ModelDocument:
     if isinstance(name_or_path, Mapping):
         name = str(name_or_path.get("name", "the mapping"))
         return ModelDocument(name, {**UNSAID, "title": name, **as_lists(name_or_path)}, {})
-    if isinstance(name_or_path, str):
-        # a manipulator too, so that it can be said what it is
-        for file in (*_library_files(), *_library_files("manipulators"), *_library_files("machines")):
-            if file.name == f"{name_or_path}.toml":
-                return parsed(file.name, file.read_bytes())
+    # a manipulator too, so that it can be said what it is
+    files = [*_library_files(), *_library_files("manipulators"), *_library_files("machines")]
+    for file in files if isinstance(name_or_path, str) else ():
+        if file.name == f"{name_or_path}.toml":
+            return parsed(file.name, file.read_bytes())
     path = Path(name_or_path)
     if not path.exists():
-        files = (*_library_files(), *_library_files("manipulators"), *_library_files("machines"))
         known = [file.name.removesuffix(".toml") for file in files]
         hint = did_you_mean(path.name.removesuffix(".toml"), known)
         # a bare word was meant as a name
@@ -143,11 +147,7 @@ def written_document(name_or_path: Model) -> ModelDocument:
         raise ModelFileError(f"{path}: no such file; give a path to a TOML file or one of {', '.join(known)}{hint}")
     if path.is_dir():
         raise ModelFileError(f"{path}: is a directory; give the model file in it")
-    try:
-        raw = path.read_bytes()
-    except OSError as error:
-        raise ModelFileError(f"{path}: cannot be read: {error.strerror}") from error
-    document = parsed(path.name, raw)
+    document = parsed(path.name, bounded_bytes(path, 4 * LARGEST))
     content, drawings = expanded(document.content, path.parent, path.name)
     return document._replace(content=content, files={**document.files, **drawings})
 
