@@ -90,6 +90,16 @@ class Placing:
         return table
 
 
+def new_name(wanted: str, taken: set[str]) -> str:
+    """A name not yet taken, which it is then."""
+    name, count = wanted, 1
+    while name in taken:
+        count += 1
+        name = f"{wanted}-{count}"
+    taken.add(name)
+    return name
+
+
 def triple(vector: Iterable[float]) -> tuple[float, float, float]:
     """The three numbers of a vector."""
     x, y, z = (float(value) for value in vector)

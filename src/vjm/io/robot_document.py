@@ -13,7 +13,7 @@ from vjm.io.errors import ModelFileError, printed
 from vjm.io.fields import LONGEST_MM
 from vjm.io.files import toml_text
 from vjm.io.joint_tables import HEAVIEST
-from vjm.io.robot import Mimic, Notes, Robot, RobotJoint, axis_key, turned, unit_axis
+from vjm.io.robot import Mimic, Notes, Robot, RobotJoint, axis_key, new_name, turned, unit_axis
 from vjm.rotations import Array, frame
 
 PLACEHOLDER = {"turns": 1e-8, "slides": 1e-4}
@@ -129,12 +129,7 @@ class Labels:
         """A name not yet taken; where ``what`` says whose it is, a change is noted."""
         plain = "".join(c for c in unicodedata.normalize("NFKD", wanted) if not unicodedata.combining(c))
         name = "".join(_letter(c) for c in plain) or "part"
-        name = base = name if name[0].isalpha() else f"p-{name}"
-        count = 1
-        while name in self._taken:
-            count += 1
-            name = f"{base}-{count}"
-        self._taken.add(name)
+        name = new_name(name if name[0].isalpha() else f"p-{name}", self._taken)
         if what and name != wanted:
             self._notes.changed.append(f"{what} '{wanted}' is called '{name}'")
         return name

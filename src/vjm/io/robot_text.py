@@ -17,7 +17,7 @@ import numpy as np
 from vjm.io.dh_table import DhRow, SerialChain
 from vjm.io.errors import did_you_mean
 from vjm.io.inertia import PLATE, inertia_values
-from vjm.io.robot import HUGE, Kind
+from vjm.io.robot import HUGE, Kind, new_name
 from vjm.model.joint_limits import own_limits
 from vjm.model.machine import Machine
 from vjm.model.parts import Beam, Joint, Part, RigidOffset, deflects, joint_axes
@@ -72,7 +72,7 @@ def chain_bodies(chain: Machine) -> tuple[str, list[ChainBody]]:
     ends = chain.ends or {"tool": chain.parts[-1].name if chain.parts else ""}
     # names of bodies differ, and an end keeps the one by which people know it
     links, names = set(ends), {part.name for part in chain.parts}
-    base = _new("base", links)
+    base = new_name("base", links)
     joints = {joint.name: joint for joint in chain.moving}
     beams = {beam.name: beam for beam in chain.beams}
     pushing = chain.pushing
@@ -85,8 +85,8 @@ def chain_bodies(chain: Machine) -> tuple[str, list[ChainBody]]:
         pushes = part.name in pushing
         pushed = joints.get(part.free_length) if isinstance(part, Beam) else None
         moving = pushed if pushed is not None else None if pushes else joints.get(part.name)
-        name = pushed.name if pushed is not None else _new(f"{part.name}-root", names) if pushes else part.name
-        child, behind, axis = _new(f"{part.name}-body", links), np.eye(4), np.array([1.0, 0.0, 0.0])
+        name = pushed.name if pushed is not None else new_name(f"{part.name}-root", names) if pushes else part.name
+        child, behind, axis = new_name(f"{part.name}-body", links), np.eye(4), np.array([1.0, 0.0, 0.0])
         if isinstance(part, Beam) and pushed is not None:
             axis = part.section_in_chain[:3, 0]
             behind = translation(part.own_frame @ part.end_offset)
@@ -109,7 +109,7 @@ def chain_bodies(chain: Machine) -> tuple[str, list[ChainBody]]:
         frames[part.name] = child, behind
     for end, part_name in ends.items():
         parent, before = frames[part_name]
-        bodies.append(ChainBody(end, _new(f"{end}-fixed", names), "fixed", parent, before, np.eye(3)[0]))
+        bodies.append(ChainBody(end, new_name(f"{end}-fixed", names), "fixed", parent, before, np.eye(3)[0]))
     return base, bodies
 
 
@@ -126,16 +126,6 @@ def part_ends(chain: Machine, bodies: Sequence[ChainBody]) -> dict[str, tuple[st
             end = translation(part.own_frame @ part.end_offset if body.kind == "slides" else part.tip)
         ends[part.name] = body.name, end
     return ends
-
-
-def _new(wanted: str, taken: set[str]) -> str:
-    """A name not yet taken, which it is then."""
-    name, count = wanted, 1
-    while name in taken:
-        count += 1
-        name = f"{wanted}-{count}"
-    taken.add(name)
-    return name
 
 
 def _kind(joint: Joint | None) -> Kind:
@@ -158,34 +148,26 @@ def elastic_parts(chain: Machine) -> list[str]:
 
 def not_rigid(chain: Machine, format_name: str) -> list[str]:
     """What no description of rigid bodies with one inertia each holds of a chain, a line for each kind."""
-    lines = []
-    sums = [one.name for one in chain.moving if one.coupling is not None and len(one.coupling.ratios) > 1]
-    if sums:
-        lines.append(f"the coupling of {', '.join(sums)}: a joint of {format_name} follows one other joint")
-    if (passive := [joint.name for joint in chain.joints]) and format_name != "MJCF":
-        lines.append(f"that {', '.join(passive)} move freely: {format_name} does not tell them from driven joints")
-    if chain.laws:
-        lines.append(f"the laws of {', '.join(words for words, _ in chain.laws)}: {format_name} has none")
-    if chain.point_springs:
-        lines.append(f"the springs between points: {', '.join(spring.name for spring in chain.point_springs)}")
+    of_mujoco = format_name == "MJCF"
     points = [
         part.name
         for part in chain.parts
         if isinstance(part, RigidOffset | Beam) and part.mass > 0.0 and getattr(part, "inertia", None) is None
     ]
-    if points:
-        lines.append(f"moments of inertia of {', '.join(points)}, which the model does not give: they are zero")
-    if chain.couplings:
-        named = ", ".join(coupling.name for coupling in chain.couplings)
-        lines.append(f"the couplings of passive joints: {named}")
-    if format_name == "MJCF":
-        return lines
-    if rotors := [joint.name for joint in chain.moving if joint.rotor]:
-        lines.append(f"the inertia of the rotors of {', '.join(rotors)}: {format_name} has none")
-    labels = [*chain.postures, *(label for label in chain.held if label not in chain.postures)]
-    if labels:
-        lines.append(f"the postures {', '.join(labels)}")
-    return lines
+    several = [one.name for one in chain.moving if one.coupling is not None and len(one.coupling.ratios) > 1]
+    rows: tuple[tuple[str, list[str], str], ...] = (
+        ("the coupling of", several, f": a joint of {format_name} follows one other joint"),
+        ("that", [] if of_mujoco else [joint.name for joint in chain.joints],
+         f" move freely: {format_name} does not tell them from driven joints"),
+        ("the laws of", [name for name, _ in chain.laws], f": {format_name} has none"),
+        ("the springs between points:", [spring.name for spring in chain.point_springs], ""),
+        ("moments of inertia of", points, ", which the model does not give: they are zero"),
+        ("the couplings of passive joints:", [coupling.name for coupling in chain.couplings], ""),
+        ("the inertia of the rotors of", [] if of_mujoco else [joint.name for joint in chain.moving if joint.rotor],
+         f": {format_name} has none"),
+        ("the postures", [] if of_mujoco else list(dict.fromkeys((*chain.postures, *chain.held))), ""),
+    )  # fmt: skip
+    return [f"{what} {', '.join(names)}{why}" for what, names, why in rows if names]
 
 
 def written(value: float, power: int = 0) -> str:
@@ -254,7 +236,7 @@ def not_in_table(machine: Machine, chain: SerialChain) -> list[str]:
         ("that these joints have no drive:", [joint.name for joint in own if joint.passive]),
         ("the springs between points", [spring.name for spring in machine.point_springs]),
         ("the couplings of passive joints", [coupling.name for coupling in machine.couplings]),
-        ("the postures", [*machine.postures, *(one for one in machine.held if one not in machine.postures)]),
+        ("the postures", list(dict.fromkeys((*machine.postures, *machine.held)))),
     )
     return [f"{what} {', '.join(names)}" for what, names in kinds if names]
 

@@ -11,6 +11,7 @@ import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from decimal import Decimal
+from functools import partial
 
 import numpy as np
 
@@ -27,6 +28,7 @@ from vjm.io.robot import (
     Robot,
     RobotJoint,
     masters_of,
+    new_name,
     triple,
     turned,
 )
@@ -509,31 +511,23 @@ class _SdfReader(DescribedTree):
         key = _joint_key(raw.name)
         place, behind = self._frames.between(raw.parent, key), self._frames.between(key, raw.child)
         axes = SEVERAL.get(raw.type, ("axis",))
-        last = raw.child if behind.is_identity else self._new(f"{raw.child}-joint")
-        names = [raw.name] if len(axes) == 1 else [self._new(f"{raw.name}-{_label(axis)}") for axis in axes]
+        new = partial(new_name, taken=self._taken_names)
+        last = raw.child if behind.is_identity else new(f"{raw.child}-joint")
+        names = [raw.name] if len(axes) == 1 else [new(f"{raw.name}-{_label(axis)}") for axis in axes]
         parent = raw.parent
         for name, axis in zip(names, axes, strict=True):
-            child = last if axis == axes[-1] else self._new(f"{name}-body")
+            child = last if axis == axes[-1] else new(f"{name}-body")
             if child != raw.child:
                 bodies[child] = Body(child, between=True)
             joints.append(self._following(self._moving(raw, name, axis, parent, child, place)))
             parent, place = child, Placing()
         if last != raw.child:
-            joints.append(RobotJoint(self._new(f"{raw.child}-fixed"), "fixed", last, raw.child, behind))
+            joints.append(RobotJoint(new(f"{raw.child}-fixed"), "fixed", last, raw.child, behind))
         if len(axes) > 1:
             self._notes.changed.append(
                 f"joint '{raw.name}' has the type {raw.type}: the joints {', '.join(names)} stand in its place, "
                 "one after the other"
             )
-
-    def _new(self, wanted: str) -> str:
-        """A name that nothing in the file has."""
-        name, count = wanted, 1
-        while name in self._taken_names:
-            count += 1
-            name = f"{wanted}-{count}"
-        self._taken_names.add(name)
-        return name
 
     def _moving(self, raw: RawJoint, name: str, axis: str, parent: str, child: str, where: Placing) -> RobotJoint:
         """A joint of one axis: of the file, or one of several in its place."""
