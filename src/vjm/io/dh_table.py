@@ -20,8 +20,8 @@ from pydantic import Field, model_validator
 from vjm.io.errors import ModelFileError, did_you_mean, printed, validated
 from vjm.io.fields import LONGEST_MM, Table
 from vjm.io.files import csv_rows, small_text, toml_content, toml_line, toml_text
-from vjm.io.robot import Body, Kind, Notes, Placing, Reading, Robot, RobotJoint, turned
-from vjm.io.robot_xml import WHOLE_TURN, FilePlace, taken_limits
+from vjm.io.robot import Body, Kind, Notes, Placing, Reading, Robot, RobotJoint, triple, turned
+from vjm.io.robot_xml import WHOLE_TURN, FilePlace, rpy_turns, taken_limits
 from vjm.rotations import Array, frame, inverse_frame, roll_pitch_yaw
 
 Convention = Literal["dh", "mdh"]
@@ -425,7 +425,6 @@ RADIANS = {"rad": 1.0, "deg": math.pi / 180.0}
 NUMBERS = ("a", "d", "alpha", "theta", "beta", "lower", "upper")
 COLUMNS = ("name", "kind", *NUMBERS)
 NEEDED = ("a", "d", "alpha", "theta")
-_AXES = (((0.0, 0.0, 1.0), 2), ((0.0, 1.0, 0.0), 1), ((1.0, 0.0, 0.0), 0))
 _SAYS = re.compile(r"#\s*(\w[\w.]*\s*=.*)")
 
 Three = Annotated[list[float], Field(min_length=3, max_length=3)]
@@ -521,9 +520,7 @@ def read_table(path: Path) -> DhTable:
 def _placing(table: DhFrame | None, mm: float, rad: float) -> Placing:
     if table is None:
         return Placing()
-    x, y, z = (value * mm for value in table.xyz)
-    angles = [math.remainder(angle * rad, 2.0 * math.pi) for angle in table.rpy]
-    return Placing((x, y, z), tuple((axis, angles[k]) for axis, k in _AXES if angles[k]))
+    return Placing(triple(value * mm for value in table.xyz), rpy_turns([angle * rad for angle in table.rpy]))
 
 
 def _csv_content(text: str, file: str) -> dict[str, Any]:
@@ -589,7 +586,7 @@ def dh_text(table: DhTable, source: str, suffix: str) -> str:
     for key, placing in (("base", table.base), ("tool", table.tool)):
         if not placing.is_identity:
             angles = dict(placing.turns)
-            head[key] = {"xyz": list(placing.shift), "rpy": [angles.get(axis, 0.0) for axis, _ in reversed(_AXES)]}
+            head[key] = {"xyz": list(placing.shift), "rpy": [angles.get(axis, 0.0) for axis in (X, Y, Z)]}
     rows = [_row_keys(row, beta=any(one.beta for one in table.rows)) for row in table.rows]
     if suffix == ".csv":
         return _csv_text(head, rows)

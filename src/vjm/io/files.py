@@ -305,9 +305,9 @@ def toml_content(text: str, where: str) -> dict[str, Any]:
 
 
 def csv_rows(
-    text: str, file: str, columns: Callable[[list[str], str], list[str]], empty: str, *, may_be_short: bool = False
+    text: str, file: str, columns: Callable[[list[str], str], list[str]], empty: str, *, loose: bool = False
 ) -> Iterator[tuple[str, dict[str, str]]]:
-    """The lines of a table with commas, semicolons or tabs between cells: the place of each, and cells by column.
+    """The lines of a table with commas between cells: the place of each, and its cells by column.
 
     Lines that are empty or begin with ``#`` are none.
 
@@ -316,14 +316,14 @@ def csv_rows(
         file: its name, for messages.
         columns: from the cells of the first line and its place, the names of the columns.
         empty: what is said of a table without columns.
-        may_be_short: whether a line may lack cells at its end.
+        loose: whether semicolons or tabs may stand between cells, too, and a line may lack some at its end.
 
     Raises:
         ModelFileError: it is no such table, or a line has more cells or less; the message names the line.
     """
     # comments are blanked, not taken out: the lines keep their numbers
     plain = "\n".join("" if line.lstrip().startswith("#") else line for line in text.splitlines())
-    head = plain.lstrip().split("\n", 1)[0]
+    head = plain.lstrip().split("\n", 1)[0] if loose else ""
     reader = csv.reader(io.StringIO(plain), delimiter=next((mark for mark in (";", "\t") if mark in head), ","))
     names: list[str] = []
     try:
@@ -333,7 +333,7 @@ def csv_rows(
                 continue
             if not names:
                 names = columns(cells, where)
-            elif len(cells) > len(names) or (len(cells) < len(names) and not may_be_short):
+            elif len(cells) > len(names) or (len(cells) < len(names) and not loose):
                 raise ModelFileError(f"{where}: has {len(cells)} cells, and the table has {len(names)} columns")
             else:
                 yield where, dict(zip(names, cells, strict=False))

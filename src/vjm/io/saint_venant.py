@@ -207,6 +207,22 @@ def rectangle_torsion(width: float, thickness: float) -> float:
     return a * b**3 / 3.0 * (1.0 - 192.0 / np.pi**5 * (b / a) * series)
 
 
+def _solver(stiffness: Array, dof: np.ndarray, first: int) -> Callable[[Array], Array]:
+    """Solves for unknowns ``(e, n)`` of elements with matrices ``(e, n, n)``; before the first they are zero."""
+    # scipy's sparse matrices take a tenth of a second to import, which most models need not
+    from scipy.sparse import csc_matrix
+    from scipy.sparse.linalg import splu
+
+    count, n = int(dof.max()) + 1, dof.shape[1]
+    rows, columns = np.repeat(dof, n, axis=1).ravel(), np.tile(dof, (1, n)).ravel()
+    K = csc_matrix((stiffness.ravel(), (rows, columns)), shape=(count, count))
+    # symmetric and positive definite: no pivoting
+    factors = splu(
+        csc_matrix(K[first:, first:]), "MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}
+    )
+    return lambda right: np.concatenate([np.zeros(first), factors.solve(right[first:])])
+
+
 @lru_cache(maxsize=1)
 def _element() -> tuple[Array, Array, Array, Array]:
     """Gauss points and weights ``(q,)``, and the shape functions ``(q, n)`` and their slopes there, on −1 to 1."""
@@ -291,27 +307,15 @@ class _Mesh:
 
     def _solve(self, right: Array, zero: Array, tied: Array, more: float = 0.0) -> Array:
         """Nodal values ``(elements, n, n)`` of a Poisson problem."""
-        # scipy's sparse matrices take a tenth of a second to import, which most models need not
-        from scipy.sparse import csc_matrix
-        from scipy.sparse.linalg import splu
-
         number = 2 + self.row[:, :, None] * (self.counts[1] * DEGREE + 1) + self.column[:, None, :]
         number = np.where(zero, 0, np.where(tied, 1, number))
         # zero and tied are there once, so that the first two numbers are theirs
         _, packed = np.unique(np.concatenate([[0, 1], number.ravel()]), return_inverse=True)
         dof = packed.ravel()[2:].reshape(len(number), -1)
-        count, n = int(dof.max()) + 1, dof.shape[1]
-        rows, columns = np.repeat(dof, n, axis=1).ravel(), np.tile(dof, (1, n)).ravel()
-        K = csc_matrix((self._stiffness.ravel(), (rows, columns)), shape=(count, count))
-        F = np.bincount(dof.ravel(), right.ravel(), minlength=count)
+        F = np.bincount(dof.ravel(), right.ravel(), minlength=int(dof.max()) + 1).astype(float)
         F[1] += more
-        first = 1 if tied.any() else 2
-        u = np.zeros(count)
-        free = csc_matrix(K[first:, first:])
-        # symmetric and positive definite: no pivoting
-        factors = splu(free, "MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
-        u[first:] = factors.solve(F[first:])
-        return u[dof].reshape(right.shape)
+        u = _solver(self._stiffness, dof, 1 if tied.any() else 2)(F)
+        return np.asarray(u[dof].reshape(right.shape))
 
     def _nodal(self, source: Array, along_y: Array, along_z: Array) -> Array:
         """Integrals ``(elements, n, n)`` of a source times a shape function, and of a field times its gradient."""
@@ -724,7 +728,8 @@ class _Triangles:
         """The constants, about the centroid at zero."""
         Iy, Iz, P = moments
         y, z = self.y, self.z
-        solve = self._solver()
+        K = sum(np.einsum("tq,tqa,tqb->tab", self.areas, slope, slope, optimize=True) for slope in self.slopes)
+        solve = _solver(np.asarray(K), self.nodes, 1)
         twist = self._nodal(0.0 * y, z, -y)
         omega = solve(twist)
         torsion = Iy + Iz - float(omega @ twist)
@@ -752,22 +757,6 @@ class _Triangles:
             own = own + np.einsum("tq,tqn->tn", self.areas * field, slope)
         result: Array = np.bincount(self.nodes.ravel(), own.ravel(), minlength=self.count).astype(float)
         return result
-
-    def _solver(self) -> Callable[[Array], Array]:
-        from scipy.sparse import csc_matrix
-        from scipy.sparse.linalg import splu
-
-        K = sum(np.einsum("tq,tqa,tqb->tab", self.areas, slope, slope, optimize=True) for slope in self.slopes)
-        rows = np.repeat(self.nodes, 6, axis=1).ravel()
-        columns = np.tile(self.nodes, (1, 6)).ravel()
-        matrix = csc_matrix((np.asarray(K).ravel(), (rows, columns)), shape=(self.count, self.count))
-        factors = splu(csc_matrix(matrix[1:, 1:]), "MMD_AT_PLUS_A", diag_pivot_thresh=0.0,
-                       options={"SymmetricMode": True})  # fmt: skip
-
-        def solve(right: Array) -> Array:
-            return np.concatenate([[0.0], factors.solve(right[1:])])
-
-        return solve
 
 
 def _notches(loops: Sequence[Array], k: int) -> Array:

@@ -165,7 +165,7 @@ def _table(file: Path) -> dict[str, JointStiffness]:
     text = small_text(file, LARGEST, MANY_JOINTS)
     empty = "is empty: begin with a line of columns, joint,stiffness_Nm_per_rad"
     joints: dict[str, JointStiffness] = {}
-    for place, cells in csv_rows(text, file.name, _columns, empty, may_be_short=True):
+    for place, cells in csv_rows(text, file.name, _columns, empty, loose=True):
         given = {column: cell for column, cell in cells.items() if cell}
         if not (name := given.pop("joint", "")):
             raise ModelFileError(f"{place}, column joint: is empty: name the joint")

@@ -30,8 +30,9 @@ from vjm.io.dh_table import (
     table_text,
 )
 from vjm.io.errors import ModelFileError, did_you_mean, naming, printed
-from vjm.io.robot import Notes, Placing, Reading, Robot
+from vjm.io.robot import Notes, Placing, Reading, Robot, triple
 from vjm.io.robot_text import written
+from vjm.io.robot_xml import rpy_turns
 from vjm.rotations import roll_pitch_yaw
 
 LINKS = ("shoulder", "upper_arm", "forearm", "wrist_1", "wrist_2", "wrist_3")
@@ -123,10 +124,7 @@ def _frame(kinematics: dict[str, Nested], link: str, file: str) -> Placing:
         if text is None or isinstance(text, dict):
             raise ModelFileError(f"{file}: {link} has no {key}: add it")
         numbers.append(_number(text, f"{file}: {link}: {key}", 0 if key in NUMBERS[3:] else 3))
-    x, y, z, *angles = numbers
-    roll, pitch, yaw = (math.remainder(angle, 2.0 * math.pi) for angle in angles)
-    turns = (((0.0, 0.0, 1.0), yaw), ((0.0, 1.0, 0.0), pitch), ((1.0, 0.0, 0.0), roll))
-    return Placing((x, y, z), tuple((axis, angle) for axis, angle in turns if angle))
+    return Placing(triple(numbers[:3]), rpy_turns(numbers[3:]))
 
 
 def _number(text: str, where: str, power: int = 0) -> float:

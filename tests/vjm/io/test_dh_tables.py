@@ -365,7 +365,7 @@ GOOD = HEADED + "name,a,d,alpha,theta,lower,upper\nhip,1,2,3,4,-9,9\n"
         (GOOD.replace("1,2", "1,"), "line 4: d is empty: give a number"),
         (GOOD.replace("-9,9", ",9"), "line 4: has one limit of two"),
         (GOOD.replace('# convention = "dh"\n', ""), "convention is missing: add it"),
-        (GOOD.replace('"dh"', "dh"), "the comment lines at its head: Invalid value (at line 1"),
+        (GOOD.replace('"dh"', "dh"), "the comment lines at its head: not valid TOML: Invalid value (at line 1"),
         ('# convention = "dh"\n', "has no columns: give a, d, alpha, theta"),
         ("\ufffe\udcff", "is no text: save it as UTF-8"),
     ],
