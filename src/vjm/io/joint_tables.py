@@ -146,6 +146,11 @@ class FrameTable(Table):
     position_mm: VectorMM = Field([0.0, 0.0, 0.0])
     turns: Turns = Field([])
 
+    @property
+    def frame(self) -> Array:
+        """The frame ``(4, 4)``, mm."""
+        return frame(rotation(self.turns), self.position_mm)
+
 
 class ClosureTable(Table):
     """Two frames of a machine that are held together, which closes a loop."""
@@ -160,7 +165,7 @@ class ClosureTable(Table):
 
     def closure(self) -> Closure:
         """The closure that the table describes."""
-        frames = np.array([frame(rotation(one.turns), one.position_mm) for one in self.frames])
+        frames = np.array([one.frame for one in self.frames])
         return Closure(self.name, (self.between[0], self.between[1]), frames, turns=self.holds == "ball")
 
 
@@ -452,15 +457,33 @@ class MovingTable(PartTable):
                 raise ValueError(f"has {wrong}, but it {self.motion}: give {right}")
 
 
-class ActuatedTable(MovingTable):
-    """A joint with a drive that holds the posture's coordinate; elastic about or along its axis, or all round."""
+class ElasticJointTable(MovingTable):
+    """A joint that is elastic about or along its axis, and across it."""
 
-    kind: Literal["actuated"]
     compliance_rad_per_Nmm: Compliance = Field(0.0, description="about its axis, where it turns")  # noqa: N815
     compliance_mm_per_N: Compliance = Field(0.0, description="along its axis, where it slides")  # noqa: N815
     lateral_rad_per_Nmm: Pair = Field(  # noqa: N815
         [0.0, 0.0], description="about the two other axes in cyclic order: x and y of a joint about z"
     )
+
+    @model_validator(mode="after")
+    def _one_spring(self) -> ElasticJointTable:
+        self.refuse_other_motion(("compliance_rad_per_Nmm", "compliance_mm_per_N"))
+        if min(self.lateral_rad_per_Nmm) < 0.0:
+            raise ValueError(f"has lateral_rad_per_Nmm = {self.lateral_rad_per_Nmm}: a compliance is zero or more")
+        self.refuse_two_springs("compliance_rad_per_Nmm", "compliance_mm_per_N")
+        return self
+
+    @property
+    def own(self) -> float:
+        """Compliance about or along its axis."""
+        return self.compliance_mm_per_N if self.slides else self.compliance_rad_per_Nmm
+
+
+class ActuatedTable(ElasticJointTable):
+    """A joint with a drive that holds the posture's coordinate; elastic about or along its axis, or all round."""
+
+    kind: Literal["actuated"]
     compliance: Matrix6 | None = Field(
         None, description="in place of these: 6×6 in the chain frame behind the joint, mm/N, 1/N, rad/(N mm)"
     )
@@ -472,21 +495,12 @@ class ActuatedTable(MovingTable):
 
     @model_validator(mode="after")
     def _sane(self) -> ActuatedTable:
-        self.refuse_other_motion(("compliance_rad_per_Nmm", "compliance_mm_per_N"))
-        if min(self.lateral_rad_per_Nmm) < 0.0:
-            raise ValueError(f"has lateral_rad_per_Nmm = {self.lateral_rad_per_Nmm}: a compliance is zero or more")
         if self.compliance is not None and (self.own or any(self.lateral_rad_per_Nmm)):
             raise ValueError("has a 6×6 compliance and another one: give one of them")
-        self.refuse_two_springs("compliance_rad_per_Nmm", "compliance_mm_per_N")
         if self.law is not None:
             # what couples its axis with others is refused here, where the file is known
             self.part()
         return self
-
-    @property
-    def own(self) -> float:
-        """Compliance about or along its axis."""
-        return self.compliance_mm_per_N if self.slides else self.compliance_rad_per_Nmm
 
     def part(self) -> Joint:
         """The part that the table describes."""
@@ -545,7 +559,7 @@ class JointTable(MovingTable):
         )  # fmt: skip
 
 
-class CoupledTable(MovingTable):
+class CoupledTable(ElasticJointTable):
     """A joint whose coordinate follows from others'."""
 
     kind: Literal["coupled"]
@@ -559,16 +573,12 @@ class CoupledTable(MovingTable):
             "joints' shafts. The bending of links is not passed on."
         ),
     )
-    compliance_rad_per_Nmm: Compliance = 0.0  # noqa: N815
-    compliance_mm_per_N: Compliance = 0.0  # noqa: N815
-    lateral_rad_per_Nmm: Pair = Field([0.0, 0.0])  # noqa: N815
 
     @model_validator(mode="after")
     def _sane(self) -> CoupledTable:
-        self.refuse_other_motion(("compliance_rad_per_Nmm", "compliance_mm_per_N"), ("offset_rad", "offset_mm"))
+        self.refuse_other_motion(("offset_rad", "offset_mm"))
         if self.name in self.to:
             raise ValueError("is coupled to itself: name another joint")
-        self.refuse_two_springs("compliance_rad_per_Nmm", "compliance_mm_per_N")
         return self
 
     def part(self) -> Joint:
@@ -576,9 +586,8 @@ class CoupledTable(MovingTable):
         first, second = self.lateral_rad_per_Nmm
         offset = self.offset_mm if self.slides else self.offset_rad
         return Joint(
-            self.name, self.axis, self.slides,
-            compliance=self.compliance_mm_per_N if self.slides else self.compliance_rad_per_Nmm,
-            lateral=(first, second), limits=self.limits, rotor=self.rotor, rides_on=self.rides_on or "",
+            self.name, self.axis, self.slides, compliance=self.own, lateral=(first, second), limits=self.limits,
+            rotor=self.rotor, rides_on=self.rides_on or "",
             coupling=JointCoupling(tuple(self.to.items()), offset, self.coupling == "as deflected"),
             law=self.own_law,
         )  # fmt: skip

@@ -17,11 +17,10 @@ from vjm.io.manipulator_file import (
 )
 from vjm.io.model_file import Model, ModelDocument, build_chain, read_document
 from vjm.io.model_plausibility import standing_findings
-from vjm.io.schema import ModelFile, known_keys, rotation
+from vjm.io.schema import ModelFile, known_keys
 from vjm.machine.rigid_mechanism import Closing, PoseError
 from vjm.model.machine import Machine
 from vjm.model.parts import deflects
-from vjm.rotations import frame
 
 
 def load_model(name_or_path: Model) -> Machine:
@@ -108,9 +107,8 @@ def as_one_chain(document: ModelDocument, folder: Legs) -> ModelDocument:
     (home,) = content["postures"]
     written = validated(ModelFile, content, file, known_keys)
     with naming(file):
-        end = frame(rotation(table.platform.turns), table.platform.position_mm)
         try:
-            closing = Closing(written.as_written(), home, end)
+            closing = Closing(written.as_written(), home, table.platform.frame)
         except PoseError as error:
             # what is implausible about how legs stand may be why loops do not close
             perhaps = "".join(f". {where}: {what}" for _, where, what in standing_findings(table))

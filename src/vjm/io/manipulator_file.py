@@ -30,11 +30,11 @@ from vjm.io.model_file import (
     read_document,
     written_document,
 )
-from vjm.io.schema import Axis, Base, Label, Turn, Turns, Units, VectorMM, rotation
+from vjm.io.schema import Axis, Base, Label, Turn, Turns, Units, VectorMM
 from vjm.model.joint_limits import joint_limits
 from vjm.model.machine import ATTACHMENT, BASE, FOOT, HOME, PLATFORM, ROOT, Machine, named
 from vjm.model.parts import Joint, JointKind, RigidOffset
-from vjm.rotations import Array, frame, inverse_frame
+from vjm.rotations import frame, inverse_frame
 
 KIND = "manipulator"
 Legs: TypeAlias = Path | Traversable | Mapping[str, ModelDocument]
@@ -315,13 +315,9 @@ def _table(base: Base) -> Content:
     return {"position_mm": list(base.position_mm), "turns": _turns(base.turns)}
 
 
-def _frame(base: Base) -> Array:
-    return frame(rotation(base.turns), base.position_mm)
-
-
 def _attachment(leg: LegTable, body: PlatformTable | PlatformBodyTable | None) -> Content:
     """The rigid part from a leg's end to the body that it carries, with that body's mass."""
-    back = inverse_frame(_frame(leg.attachment))
+    back = inverse_frame(leg.attachment.frame)
     result: Content = {
         "kind": "link", "name": named(leg.name, ATTACHMENT), "translation_mm": back[:3, 3].tolist(),
         "turns": _reversed(leg.attachment.turns),
@@ -345,7 +341,7 @@ def _parts(leg: LegTable, content: Content, chain: Machine, *, own_numbers: bool
         )
     joint = _drive(leg, chain)
     base = Base.model_validate(content.get("base", {}))
-    place = _frame(leg.base) @ frame(p=base.position_mm)
+    place = leg.base.frame @ frame(p=base.position_mm)
     result: list[Content] = [
         {
             "kind": "link", "name": named(leg.name, ROOT), "translation_mm": place[:3, 3].tolist(),
@@ -443,7 +439,7 @@ def _add_what_joins(result: Content, leg: LegTable, content: Content, chain: Mac
     for spring in content.get("point_springs", []):
         # a leg's base is the body on which it begins; that part's own frame begins there
         points = [
-            point if part else (_frame(leg.base) @ np.array([*point, 1.0]))[:3].tolist()
+            point if part else (leg.base.frame @ np.array([*point, 1.0]))[:3].tolist()
             for part, point in zip(spring["between"], spring["points_mm"], strict=True)
         ]
         result["point_springs"].append(_renamed(spring, leg) | {"points_mm": points})
@@ -469,5 +465,5 @@ def _renamed(table: Content, leg: LegTable) -> Content:
 def from_base(table: Content, base: Base) -> Content:
     """The table of a frame of the world, from a base there."""
     pose = Base.model_validate(table)
-    place = inverse_frame(_frame(base)) @ _frame(pose)
+    place = inverse_frame(base.frame) @ pose.frame
     return {"position_mm": place[:3, 3].tolist(), "turns": [*_reversed(base.turns), *_turns(pose.turns)]}

@@ -18,9 +18,8 @@ from vjm.io.fields import LONGEST_MM, StiffnessSection, Turns
 from vjm.io.findings import Finding, Grade, worst_first
 from vjm.io.joint_tables import (
     CALIBRATED,
-    ActuatedTable,
     ActuatorTable,
-    CoupledTable,
+    ElasticJointTable,
     JointTable,
     MountTable,
     MovingTable,
@@ -442,12 +441,9 @@ def drives(model: ModelFile) -> Iterator[Found]:
             key, unit, value = "compliance_rad_per_Nmm", "rad/(N mm)", part.compliance_rad_per_Nmm
         elif isinstance(part, ActuatorTable | MountTable):
             key, unit, value = "compliance_mm_per_N", "mm/N", part.compliance_mm_per_N or 0.0
-        elif isinstance(part, ActuatedTable | CoupledTable):
-            key, unit, value = (
-                ("compliance_mm_per_N", "mm/N", part.compliance_mm_per_N)
-                if part.slides
-                else ("compliance_rad_per_Nmm", "rad/(N mm)", part.compliance_rad_per_Nmm)
-            )
+        elif isinstance(part, ElasticJointTable):
+            key, unit = ("compliance_mm_per_N", "mm/N") if part.slides else ("compliance_rad_per_Nmm", "rad/(N mm)")
+            value = part.own
         else:
             continue
         low, high = ODD_DRIVES[unit]
@@ -491,7 +487,7 @@ def _sagging(model: ModelFile) -> Iterator[Found]:
         made = part.part()
         step, own = length_of(made), mass_of(made) * WEIGHT
         weight, torque = carried.get(part.name, (0.0, 0.0))
-        if isinstance(part, ActuatedTable | CoupledTable) and not part.slides:
+        if isinstance(part, ElasticJointTable) and not part.slides:
             given = {
                 "compliance_rad_per_Nmm": part.compliance_rad_per_Nmm,
                 "lateral_rad_per_Nmm": max(part.lateral_rad_per_Nmm),

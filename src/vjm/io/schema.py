@@ -41,6 +41,7 @@ from vjm.io.joint_tables import (
     ClosureTable,
     CoupledTable,
     CouplingTable,
+    FrameTable,
     JointTable,
     MountTable,
     MovingTable,
@@ -58,7 +59,7 @@ from vjm.model import parts
 from vjm.model.machine import FOOT, Machine
 from vjm.model.parts import Beam, Joint, Section
 from vjm.postures import assembled
-from vjm.rotations import Array, frame, rotate_matrix6, shift_compliance
+from vjm.rotations import Array, rotate_matrix6, shift_compliance
 
 UPPER = np.triu_indices(6)
 Form = Annotated[list[float], Field(min_length=21, max_length=21)]
@@ -247,11 +248,8 @@ class Springs(Table):
     foot_segments: int | None = Field(None, ge=1, le=1000)
 
 
-class Base(Table):
+class Base(FrameTable):
     """Where the first part begins in the world: shifted first, then turned."""
-
-    position_mm: VectorMM = Field([0.0, 0.0, 0.0])
-    turns: Turns = Field([])
 
 
 AnyPart = Annotated[
@@ -381,7 +379,7 @@ class ModelFile(Table):
         return Machine(
             name=self.name,
             parts=made,
-            base=frame(rotation(self.base.turns), self.base.position_mm),
+            base=self.base.frame,
             postures={label: np.array([q[name] for name in passive], dtype=float) for label, q in given.items()},
             held={label: {k: v for k, v in q.items() if k not in passive} for label, q in given.items()},
             after={part.name: part.after for part in self.parts if part.after is not None},
