@@ -136,18 +136,14 @@ class BodyJointTable(Table):
     drawn: float = Field(0.0, description="coordinate where it is drawn, rad or mm")
 
 
-def coordinates(table: BodyJointTable) -> list[str]:
+def _coordinates(table: BodyJointTable) -> list[str]:
     """Names of the coordinates that a posture gives of a joint."""
     kind = JOINT_KINDS[table.kind]
     return [table.name + motion.suffix for motion in kind.motions(table)] if kind.given else []
 
 
-def check_keys(table: BodyJointTable) -> None:
-    """Refuse keys that a kind does not take, or has not got.
-
-    Raises:
-        ValueError: naming the key, and what to do.
-    """
+def _check_keys(table: BodyJointTable) -> None:
+    """Refuse keys that a kind does not take, or has not got."""
     kind = JOINT_KINDS[table.kind]
     for key in OWN_KEYS:
         given = getattr(table, key) is not None
@@ -168,7 +164,7 @@ def _thread(table: BodyJointTable) -> Content:
     return {"name": f"{table.name}-thread", "terms": terms}
 
 
-def joint_parts(table: BodyJointTable, sign: int) -> list[Content]:
+def _joint_parts(table: BodyJointTable, sign: int) -> list[Content]:
     """The parts of a joint, in the order from one body to the other; ``sign`` −1: from the second on."""
     kind, own = JOINT_KINDS[table.kind], dict(table.model_extra or {})
     return [
@@ -318,7 +314,7 @@ def _document(table: BodyFile) -> Content:
     end = np.array(table.end.at_mm) - tree.origin[table.end.body]
     tree.parts.append(_link(END, end, table.end.turns) | {"after": tree.behind[table.end.body]})
     used = {part["name"] for part in tree.parts}
-    drawn = {name: joint.drawn for joint in table.joints for name in coordinates(joint) if name in used}
+    drawn = {name: joint.drawn for joint in table.joints for name in _coordinates(joint) if name in used}
     result: Content = {
         "format": 1, "name": table.name, "title": table.title, "source": table.source, "units": table.units,
         "parts": tree.parts, "closures": tree.closures,
@@ -365,7 +361,7 @@ def _beam(table: BodyBeamTable) -> _Edge:
 
 def _joint(table: BodyJointTable) -> _Edge:
     place = np.array(table.at_mm, dtype=float)
-    check_keys(table)
+    _check_keys(table)
     return _Edge(table, table.kind, (table.between[0], table.between[1]), (place, place))
 
 
@@ -448,7 +444,7 @@ def _edge_parts(tree: _BodyTree, edge: _Edge, start: str) -> str:
         parts = [own | {"kind": "beam", "length_mm": length, "own_axes": turns}]
     else:
         sign = 1 if first else -1
-        parts = joint_parts(table, sign)
+        parts = _joint_parts(table, sign)
         parts += [_drawn_at_zero(table, sign)] if table.drawn else []
     for part in parts:
         tree.parts.append(part | {"after": last})

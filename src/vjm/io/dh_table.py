@@ -109,7 +109,7 @@ def placed(placing: Placing) -> Array:
     return frame(turned(placing.turns), placing.shift)
 
 
-def placing_of(T: Array, size: float) -> Placing:
+def _placing_of(T: Array, size: float) -> Placing:
     """A frame ``(4, 4)`` as a shift and turns about z, y and x, less what rounding leaves of zero; all in mm."""
     roll, pitch, yaw = roll_pitch_yaw(T[:3, :3])
     x, y, z = (_whole(v, ROUNDING * size) for v in T[:3, 3])
@@ -125,16 +125,12 @@ def _whole(value: float, rounding: float) -> float:
 # --- offsets that cancel --------------------------------------------------------------------------------------
 
 
-def brought_near(steps: Sequence[Placing]) -> tuple[list[Placing], list[int]]:
+def _brought_near(steps: Sequence[Placing]) -> tuple[list[Placing], list[int]]:
     """The steps with joints' frames moved along their axes, where that halves the lengths at least.
 
     A frame may stand anywhere on its joint's axis. Behind a nearly parallel axis it is put where its own axis meets
     the plane across the other one, so that no offset is left between the two. It is done where offsets cancel: most
     of the sum of the steps' lengths then leads forth and back.
-
-    Returns:
-        The steps, and the numbers of the joints that were moved, from zero; the same steps and none where lengths
-        do not cancel.
     """
     near, moved, slid = list[Placing](), list[int](), 0.0
     for k, step in enumerate(steps):
@@ -155,7 +151,7 @@ def _length(steps: Sequence[Placing]) -> float:
     return sum(math.hypot(*step.shift) for step in steps)
 
 
-def longest(steps: Sequence[Placing]) -> float:
+def _longest(steps: Sequence[Placing]) -> float:
     """The length of the longest step, mm."""
     return max(math.hypot(*step.shift) for step in steps)
 
@@ -168,7 +164,7 @@ def said_parallel(table: DhTable) -> list[str]:
         lines.append(
             f"beta, Hayati's angle, stands in the rows of {', '.join(bent)}: their axes are nearly parallel"
         )
-    moved = brought_near(table.steps())[1]
+    moved = _brought_near(table.steps())[1]
     if moved:
         lines.append(
             f"offsets d of {printed(max(abs(row.d) for row in table.rows) / 1e3)} m stand at "
@@ -213,7 +209,7 @@ def dh_table(chain: SerialChain, convention: Convention, parallel: Parallel = "b
         >>> [(row.a, row.d) for row in table.rows]
         [(500.0, 0.0), (300.0, 20.0)]
     """
-    size = _length(brought_near([placing_of(step, 0.0) for step in chain.steps])[0])
+    size = _length(_brought_near([_placing_of(step, 0.0) for step in chain.steps])[0])
     base = _base(chain.steps[0])
     rest, dh_rows = inverse_frame(base) @ chain.steps[0], list[DhRow]()
     for step in chain.steps[1:-1]:
@@ -237,7 +233,7 @@ def dh_table(chain: SerialChain, convention: Convention, parallel: Parallel = "b
             f"the axes at {', '.join(row.name for row in far)} are so nearly parallel that offsets of "
             f"{printed(max(abs(row.d) for row in far) / 1e3, 3)} m would lose digits: write them with beta"
         )
-    return DhTable(chain.name, convention, rows, placing_of(base, size), placing_of(tool, size))
+    return DhTable(chain.name, convention, rows, _placing_of(base, size), _placing_of(tool, size))
 
 
 def _frame_of(row: DhRow) -> Array:
@@ -373,24 +369,24 @@ def serial_robot(
         ("its base", base, LONGEST_MM),
         ("its tool", tool, LONGEST_MM),
     ):
-        if placing is not None and longest([placing]) > most:
+        if placing is not None and _longest([placing]) > most:
             raise ModelFileError(
-                f"{file}: {what} is {printed(longest([placing]) / 1e3)} m long: is it in mm? Correct the unit"
+                f"{file}: {what} is {printed(_longest([placing]) / 1e3)} m long: is it in mm? Correct the unit"
             )
-    near, moved = brought_near(steps)
+    near, moved = _brought_near(steps)
     if moved:
         notes.changed.append(
-            f"offsets of {printed(longest(steps) / 1e3)} m lead along nearly parallel axes and back: the frames of "
-            f"{', '.join(joints[k].name for k in moved)} were moved along their axes, to where the steps between "
-            f"frames have {printed(longest(near) / 1e3, 4)} m at most. Motions are the same"
+            f"offsets of {printed(_longest(steps) / 1e3)} m lead along nearly parallel axes and back: the frames "
+            f"of {', '.join(joints[k].name for k in moved)} were moved along their axes, to where the steps "
+            f"between frames have {printed(_longest(near) / 1e3, 4)} m at most. Motions are the same"
         )
-        if longest(steps) > FARTHEST * longest(near):
+        if _longest(steps) > FARTHEST * _longest(near):
             # of doubles, 2e-16 of the number
-            known = printed(longest(steps) * np.finfo(float).eps, 2)
+            known = printed(_longest(steps) * np.finfo(float).eps, 2)
             notes.doubtful.append(f"offsets so long have no more digits than to {known} mm")
-    elif longest(steps) > LONGEST_MM:
+    elif _longest(steps) > LONGEST_MM:
         raise ModelFileError(
-            f"{file}: has a step of {printed(longest(steps) / 1e3)} m between the frames of two joints, and none "
+            f"{file}: has a step of {printed(_longest(steps) / 1e3)} m between the frames of two joints, and none "
             "leads back: are lengths in mm? Correct the unit"
         )
     root, parent = "base", "base"
@@ -488,15 +484,11 @@ def dh_robot(path: Path, reading: Reading) -> Robot:
     Example:
         >>> dh_robot(Path("puma.csv"), Reading())  # doctest: +SKIP
     """
-    return table_robot(read_table(path), path.name, reading, Notes())
+    return table_robot(_read_table(path), path.name, reading, Notes())
 
 
-def read_table(path: Path) -> DhTable:
-    """The table of a file, mm and rad.
-
-    Raises:
-        ModelFileError: see `dh_robot`.
-    """
+def _read_table(path: Path) -> DhTable:
+    """The table of a file, mm and rad."""
     text, file = table_text(path), path.name
     content = _csv_content(text, file) if path.suffix.lower() == ".csv" else toml_content(text, file)
     if "parts" in content:

@@ -108,7 +108,7 @@ def _pour(device: Path, content: str | bytes) -> None:
         raise
 
 
-def remove_unfinished(folder: Path) -> None:
+def _remove_unfinished(folder: Path) -> None:
     """Remove what a process that was killed while it wrote has left in a folder that is locked, and below it."""
     for file in folder.rglob(f".*{UNFINISHED}"):
         with suppress(OSError):
@@ -185,7 +185,7 @@ def locked(folder: Path) -> Iterator[None]:
         file.truncate(0)
         file.write(f"{os.getpid()}\n")
         file.flush()
-        remove_unfinished(folder)
+        _remove_unfinished(folder)
         try:
             yield
         except BaseException:

@@ -636,12 +636,8 @@ class PointSpringTable(Table):
         )  # fmt: skip
 
 
-def check_coordinate(label: str, joint: MovingTable, value: float) -> None:
-    """Refuse a coordinate of a posture that is in another unit or beyond the joint's limits.
-
-    Raises:
-        ValueError: it is.
-    """
+def _check_coordinate(label: str, joint: MovingTable, value: float) -> None:
+    """Refuse a coordinate of a posture that is in another unit or beyond the joint's limits."""
     where = f"posture '{label}':"
     if not joint.slides:
         turned = said_turned(joint.name, value, passive=isinstance(joint, JointTable))
@@ -674,5 +670,5 @@ def given_coordinates(
     if missing:
         raise ValueError(f"{where} no coordinate for the joint '{missing[0]}': give one")
     for joint in moving:
-        check_coordinate(label, joint, posture[joint.name])
+        _check_coordinate(label, joint, posture[joint.name])
     return posture

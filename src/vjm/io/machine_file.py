@@ -69,7 +69,7 @@ def build_machine(document: ModelDocument, folder: Legs) -> Machine:
     Raises:
         ModelFileError: as `load_model`.
     """
-    one = as_one_chain(document, folder)
+    one = _as_one_chain(document, folder)
     return build_chain(one.content, one.file, one.files)
 
 
@@ -80,15 +80,11 @@ def machine_document(name_or_path: Model) -> ModelDocument:
         ModelFileError: as `load_model`.
     """
     document = read_document(name_or_path)
-    return as_one_chain(document, legs_folder(name_or_path)) if document.content.get("kind") == KIND else document
+    return _as_one_chain(document, legs_folder(name_or_path)) if document.content.get("kind") == KIND else document
 
 
-def as_one_chain(document: ModelDocument, folder: Legs) -> ModelDocument:
-    """The document of the chain file that says the same as a manipulator's, its loops closed at home.
-
-    Raises:
-        ModelFileError: as `load_model`.
-    """
+def _as_one_chain(document: ModelDocument, folder: Legs) -> ModelDocument:
+    """The document of the chain file that says the same as a manipulator's, its loops closed at home."""
     file, table = document.file, read_table(document)
     chains: dict[str, tuple[dict[str, Any], Machine]] = {}
     files = dict(document.files)

@@ -8,9 +8,8 @@ from __future__ import annotations
 
 import importlib
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -47,19 +46,73 @@ WORLD = "world"
 KINDS: dict[bool, Kind] = {True: "slides", False: "turns"}
 
 
-class ConstrainedModel:
-    """A compiled model, with what its equalities and actuators say of its joints."""
+class JointSpring(NamedTuple):
+    """What holds one coordinate.
 
-    def __init__(self, mujoco: Library, model: Library, file: str) -> None:
-        self._mujoco, self._model, self._file = mujoco, model, file
+    Attributes:
+        spring: stiffness of all springs, N mm/rad or N/mm.
+        servo: stiffness that position gains of actuators add, in the same unit.
+        rest: coordinate at which the springs together are free of stress, rad or mm.
+    """
+
+    spring: float = 0.0
+    servo: float = 0.0
+    rest: float = 0.0
+
+
+class _Elastic(NamedTuple):
+    """A spring or a gain on a sum of joints: ``stiffness`` times ``Σ weight · coordinate − rest``, SI units."""
+
+    name: str
+    weights: dict[int, float]
+    stiffness: float
+    rest: float = 0.0
+    servo: str = ""
+    tendon: bool = False
+
+
+def mjcf_robot(path: Path, tip: str | None = None, reading: Reading = USUAL) -> Robot:
+    """The robot of an MJCF file: all of it, or the way from the world to a body.
+
+    Raises:
+        ModelFileError: MuJoCo does not read it, or what is to be read of it makes no machine.
+        ImportError: MuJoCo, an optional extra, is not installed.
+    """
+    try:
+        compiled = compiled_mjcf(path)
+    except ChildError as error:
+        raise ModelFileError(str(error)) from error
+    except ValueError as error:
+        # shapes of missing files are left out where no mass follows from them
+        remedy = ". Put it there, or give every body an <inertial>" if "opening file" in str(error) else ""
+        raise ModelFileError(f"{path.name}: MuJoCo does not read it: {error}{remedy}") from error
+    robot = _MjcfReader(importlib.import_module("mujoco"), compiled, path.name, reading).robot(tip)
+    robot.notes.doubtful += [f"MuJoCo says: {warning.strip()}" for warning in compiled.warnings]
+    return robot
+
+
+class _MjcfReader:
+    """One compiled model, read body by body, with what its equalities, actuators and springs say of its joints."""
+
+    def __init__(self, mujoco: Library, compiled: CompiledMjcf, file: str, reading: Reading) -> None:
+        self._mujoco, self._model, self._file, self._reading = mujoco, compiled.model, file, reading
         self._notes = Notes()
-        self._bodies = [self._name("BODY", i) or f"body-{i}" for i in range(model.nbody)]
+        self._bodies = [self._name("BODY", i) or f"body-{i}" for i in range(self._model.nbody)]
         self._bodies[0] = WORLD
         kinds = mujoco.mjtEq
         self._closing = {int(kinds.mjEQ_CONNECT): True, int(kinds.mjEQ_WELD): False}
         self._standing: dict[int, float] = {}
         self._mimics = self._followers()
         self._closures_kept: list[int] = []
+        self._gains_read = self._tendons_read = 0
+        self._repaired, self._exchanged = compiled.repaired, compiled.exchanged
+        if compiled.bare:
+            self._notes.left_out.append("meshes, of files that are not there: the masses follow from none of them")
+        self._drops_moments = compiled.balanced and self._balanced()
+        self._impossible: dict[str, tuple[Array, Array]] = {}
+        self._driven: set[int] = set()
+        self._held: dict[int, JointSpring] = {}
+        self._sprung: set[int] = set()
 
     def _name(self, kind: str, index: int) -> str:
         name = self._mujoco.mj_id2name(self._model, getattr(self._mujoco.mjtObj, f"mjOBJ_{kind}"), index)
@@ -256,46 +309,6 @@ class ConstrainedModel:
                 return None
         return {joint: weight for joint, weight in weights.items() if weight}, offset
 
-
-@dataclass(frozen=True)
-class JointSpring:
-    """What holds one coordinate.
-
-    Attributes:
-        spring: stiffness of all springs, N mm/rad or N/mm.
-        servo: stiffness that position gains of actuators add, in the same unit.
-        rest: coordinate at which the springs together are free of stress, rad or mm.
-    """
-
-    spring: float = 0.0
-    servo: float = 0.0
-    rest: float = 0.0
-
-    def with_spring(self, stiffness: float, rest: float) -> JointSpring:
-        """Beside one more spring."""
-        total = self.spring + stiffness
-        # a spring alone keeps its rest to the last digit
-        middle = rest if not self.spring else (self.spring * self.rest + stiffness * rest) / total
-        return JointSpring(total, self.servo, middle)
-
-
-@dataclass(frozen=True)
-class _Elastic:
-    """A spring or a gain on a sum of joints: ``stiffness`` times ``Σ weight · coordinate − rest``, SI units."""
-
-    name: str
-    weights: dict[int, float]
-    stiffness: float
-    rest: float = 0.0
-    servo: str = ""
-    tendon: bool = False
-
-
-class SprungModel(ConstrainedModel):
-    """A compiled model, with what holds its joints elastically."""
-
-    _gains_read = _tendons_read = 0
-
     def _joint_springs(self, taken: list[int]) -> dict[int, JointSpring]:
         """By joint that follows none, all that holds it; what holds its followers is reflected to it.
 
@@ -325,7 +338,10 @@ class SprungModel(ConstrainedModel):
                 self._gains_read += 1
             else:
                 self._tendons_read += one.tendon
-                springs[joint] = before.with_spring(stiffness, (one.rest - shift) / weight)
+                total, rest = before.spring + stiffness, (one.rest - shift) / weight
+                # a spring alone keeps its rest to the last digit
+                rest = (before.spring * before.rest + stiffness * rest) / total if before.spring else rest
+                springs[joint] = JointSpring(total, before.servo, rest)
         if gains:
             self._notes.changed.append(
                 f"the compliance of drives is that of their servos' position gains: {', '.join(gains)}. It is the "
@@ -417,42 +433,6 @@ class SprungModel(ConstrainedModel):
             said = f"kp {printed(per_length)}" + (f", kv {printed(per_speed)}" if per_speed else "")
             said += f", gear {printed(gear)}" if gear != 1.0 else ""
             yield _Elastic(name, {j: gear * w for j, w in weights.items()}, per_length, servo=said)
-
-
-def mjcf_robot(path: Path, tip: str | None = None, reading: Reading = USUAL) -> Robot:
-    """The robot of an MJCF file: all of it, or the way from the world to a body.
-
-    Raises:
-        ModelFileError: MuJoCo does not read it, or what is to be read of it makes no machine.
-        ImportError: MuJoCo, an optional extra, is not installed.
-    """
-    try:
-        compiled = compiled_mjcf(path)
-    except ChildError as error:
-        raise ModelFileError(str(error)) from error
-    except ValueError as error:
-        # shapes of missing files are left out where no mass follows from them
-        remedy = ". Put it there, or give every body an <inertial>" if "opening file" in str(error) else ""
-        raise ModelFileError(f"{path.name}: MuJoCo does not read it: {error}{remedy}") from error
-    robot = _MjcfReader(importlib.import_module("mujoco"), compiled, path.name, reading).robot(tip)
-    robot.notes.doubtful += [f"MuJoCo says: {warning.strip()}" for warning in compiled.warnings]
-    return robot
-
-
-class _MjcfReader(SprungModel):
-    """One compiled model, read body by body."""
-
-    def __init__(self, mujoco: Library, compiled: CompiledMjcf, file: str, reading: Reading) -> None:
-        super().__init__(mujoco, compiled.model, file)
-        self._reading = reading
-        self._repaired, self._exchanged = compiled.repaired, compiled.exchanged
-        if compiled.bare:
-            self._notes.left_out.append("meshes, of files that are not there: the masses follow from none of them")
-        self._drops_moments = compiled.balanced and self._balanced()
-        self._impossible: dict[str, tuple[Array, Array]] = {}
-        self._driven: set[int] = set()
-        self._held: dict[int, JointSpring] = {}
-        self._sprung: set[int] = set()
 
     def robot(self, tip: str | None) -> Robot:
         taken = self._taken(tip)

@@ -103,13 +103,13 @@ def model_schema() -> dict[str, Any]:
     return result
 
 
-def as_lists(value: Any) -> Any:  # noqa: ANN401
+def _as_lists(value: Any) -> Any:  # noqa: ANN401
     """What a mapping holds, as TOML gives it: tuples and arrays as lists, whole numbers of NumPy as Python's."""
     if isinstance(value, Mapping):
-        return {str(key): as_lists(each) for key, each in value.items()}
+        return {str(key): _as_lists(each) for key, each in value.items()}
     if isinstance(value, np.ndarray | np.generic):
         return value.tolist()
-    return [as_lists(each) for each in value] if isinstance(value, list | tuple) else value
+    return [_as_lists(each) for each in value] if isinstance(value, list | tuple) else value
 
 
 def read_document(name_or_path: Model) -> ModelDocument:
@@ -129,7 +129,7 @@ def written_document(name_or_path: Model) -> ModelDocument:
     """
     if isinstance(name_or_path, Mapping):
         name = str(name_or_path.get("name", "the mapping"))
-        return ModelDocument(name, {**UNSAID, "title": name, **as_lists(name_or_path)}, {})
+        return ModelDocument(name, {**UNSAID, "title": name, **_as_lists(name_or_path)}, {})
     # a manipulator too, so that it can be said what it is
     files = [*_library_files(), *_library_files("manipulators"), *_library_files("machines")]
     for file in files if isinstance(name_or_path, str) else ():

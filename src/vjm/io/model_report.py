@@ -91,7 +91,7 @@ def check(model: Model | Machine) -> ModelCheck:
         refuse_unbuildable(machine)
     except ValueError as error:
         return ModelCheck((f"{model if isinstance(model, str | Path) else machine.name}: {error}",))
-    return ModelCheck((), findings, machine.name, machine.title, tuple(summary_of(machine)))
+    return ModelCheck((), findings, machine.name, machine.title, tuple(_summary_of(machine)))
 
 
 def errors_of(name_or_path: Model) -> list[str]:
@@ -154,7 +154,7 @@ def _named(text: str, said: str) -> int | None:
     return None
 
 
-def summary_of(chain: Machine) -> list[tuple[str, str]]:
+def _summary_of(chain: Machine) -> list[tuple[str, str]]:
     """What a machine is, in rows of what and how much."""
     first = next(iter(chain.postures), "")
     # of a beam that comes out of its root only what is out of it moves with the machine
@@ -176,14 +176,14 @@ def summary_of(chain: Machine) -> list[tuple[str, str]]:
     rows += [("deflects", f"{name}: {how}") for name, how in elastic_parts(chain)]
     rows += [(f"posture {label}", _posture(chain, label)) for label in chain.postures]
     rows += [("end frame", f"{name}, behind {part}") for name, part in chain.ends.items()]
-    rows += mobility_rows(chain) if chain.closes else []
+    rows += _mobility_rows(chain) if chain.closes else []
     for one in chain.point_springs:
         law = f"law '{one.law.kind}'" if one.law is not None else f"{printed(one.stiffness)} N/mm"
         rows.append(("point spring", f"{one.name}: {law}"))
     return rows
 
 
-def mobility_rows(machine: Machine) -> list[tuple[str, str]]:
+def _mobility_rows(machine: Machine) -> list[tuple[str, str]]:
     """What the rigid machine can do at home, and by what its loops are held more than they need."""
     closing = Closing(machine, home_label(machine))
     mobility = closing.mobility(closing.home)

@@ -23,7 +23,7 @@ from vjm.io.files import write_whole
 from vjm.model.load_case import Load, LoadCase, PointControl
 
 
-def plain(load_case: LoadCase) -> dict[str, Any]:
+def _plain(load_case: LoadCase) -> dict[str, Any]:
     """What a load case says, as JSON's types, without what it leaves at its default."""
     everything = asdict(load_case)
     return {
@@ -34,7 +34,7 @@ def plain(load_case: LoadCase) -> dict[str, Any]:
 
 
 def from_plain(data: dict[str, Any]) -> LoadCase:
-    """The load case that `plain` wrote.
+    """The load case that `_plain` wrote.
 
     Raises:
         KeyError: a key is missing.
@@ -50,10 +50,10 @@ def from_plain(data: dict[str, Any]) -> LoadCase:
 
 
 def words(load_case: LoadCase) -> dict[str, str]:
-    """`plain` as words without blanks, for one line of ``key=value``."""
+    """`_plain` as words without blanks, for one line of ``key=value``."""
     return {
         key: value if isinstance(value, str) else json.dumps(value, separators=(",", ":"))
-        for key, value in plain(load_case).items()
+        for key, value in _plain(load_case).items()
     }
 
 
@@ -221,7 +221,7 @@ def save_path(path: Path, file: FilePath, key: str = "") -> None:
         "engine": path.engine,
         "model": path.model,
         "model_sha256": path.model_sha256,
-        "load_case": plain(path.load_case),
+        "load_case": _plain(path.load_case),
         "points": len(path.points),
         "events": [
             {f.name: getattr(e, f.name) for f in fields(e) if f.name != "point"}

@@ -88,7 +88,7 @@ class Extent:
     gyration: float
 
 
-def extent(robot: Robot) -> Extent:
+def _extent(robot: Robot) -> Extent:
     """How large and how heavy a robot is."""
     places, ways = {robot.root: np.eye(4)}, {robot.root: 0.0}
     for joint in robot.joints:
@@ -111,7 +111,7 @@ def _gyration(body: Body) -> float:
 
 def units_note(robot: Robot, root: XmlElement, units: FileUnits, *, scales: bool = True) -> str:
     """What is doubtful about the units of a robot's file, with the option that reads it otherwise; mostly none."""
-    totals = extent(robot)
+    totals = _extent(robot)
     if not totals.size or not totals.mass or all(joint.kind == "fixed" for joint in robot.joints):
         # a body alone is a thing of any density
         return ""
@@ -222,9 +222,9 @@ def _is_number(word: str, value: Decimal) -> bool:
         return False
 
 
-def gyration_note(robot: Robot) -> str:
+def _gyration_note(robot: Robot) -> str:
     """Which links have a radius of gyration beyond the size of the robot; mostly none."""
-    size = 1e3 * extent(robot).size
+    size = 1e3 * _extent(robot).size
     far = {body.name: radius for body in robot.bodies.values() if body.mass and (radius := _largest(body)) > size}
     if not far or not size:
         return ""
@@ -331,7 +331,7 @@ def _in_its_units(
 ) -> Imported:
     """The document of a robot, and what its masses and moments of inertia say of the units of its file."""
     note = units_note(robot, xml.root, reading.units, scales=scales)
-    if doubt := note or gyration_note(robot):
+    if doubt := note or _gyration_note(robot):
         robot.notes.doubtful.append(doubt)
     if reading.units != FileUnits():
         robot.notes.changed.append(

@@ -67,7 +67,7 @@ class ChainBody:
     rotor: float = 0.0
 
 
-def chain_bodies(chain: Machine) -> tuple[str, list[ChainBody]]:
+def _chain_bodies(chain: Machine) -> tuple[str, list[ChainBody]]:
     """The base's name and all bodies, parents before children; beams are rigid."""
     ends = chain.ends or {"tool": chain.parts[-1].name if chain.parts else ""}
     # names of bodies differ, and an end keeps the one by which people know it
@@ -113,7 +113,7 @@ def chain_bodies(chain: Machine) -> tuple[str, list[ChainBody]]:
     return base, bodies
 
 
-def part_ends(chain: Machine, bodies: Sequence[ChainBody]) -> dict[str, tuple[str, Array]]:
+def _part_ends(chain: Machine, bodies: Sequence[ChainBody]) -> dict[str, tuple[str, Array]]:
     """By the parts' names, the body that each is, and the frame ``(4, 4)`` in it where the part ends, mm."""
     ends = {}
     for body in bodies:
@@ -146,7 +146,7 @@ def elastic_parts(chain: Machine) -> list[str]:
     return [part.name for part in chain.parts if deflects(part)]
 
 
-def not_rigid(chain: Machine, format_name: str) -> list[str]:
+def _not_rigid(chain: Machine, format_name: str) -> list[str]:
     """What no description of rigid bodies with one inertia each holds of a chain, a line for each kind."""
     of_mujoco = format_name == "MJCF"
     points = [
@@ -176,7 +176,7 @@ def written(value: float, power: int = 0) -> str:
     return str(Decimal(text).scaleb(power)) if power else text
 
 
-def limits_of(body: ChainBody) -> tuple[float, float] | None:
+def _limits_of(body: ChainBody) -> tuple[float, float] | None:
     """Limits as a format takes them that asks for some where a joint slides, mm or rad."""
     return (-HUGE, HUGE) if body.limits is None and body.kind == "slides" else body.limits
 
@@ -202,10 +202,10 @@ def serial_chain(machine: Machine, end: str = "") -> SerialChain:
     if end and end not in machine.ends:
         known = ", ".join(machine.ends) or "none"
         raise ValueError(f"no end '{end}'{did_you_mean(end, machine.ends) or f'; there are {known}'}")
-    base, bodies = chain_bodies(machine)
+    base, bodies = _chain_bodies(machine)
     by_name = {body.name: body for body in bodies}
     behind = machine.ends[end] if end else machine.parts[-1].name
-    body_name, step = part_ends(machine, bodies)[behind]
+    body_name, step = _part_ends(machine, bodies)[behind]
     joints, steps = list[DhRow](), list[np.ndarray]()
     while body_name != base:
         body = by_name[body_name]
@@ -253,7 +253,7 @@ def urdf_text(chain: Machine) -> str:
         '<robot name="planar-2r">'
     """
     robot = ET.Element("robot", name=chain.name)
-    base, bodies = chain_bodies(chain)
+    base, bodies = _chain_bodies(chain)
     ET.SubElement(robot, "link", name=base)
     for body in bodies:
         _link(robot, body)
@@ -266,7 +266,7 @@ def urdf_leaves_out(chain: Machine) -> list[str]:
     """What the URDF of a chain does not say, a line for each kind; empty where it says all."""
     elastic = elastic_parts(chain)
     lines = [f"what is elastic in {', '.join(elastic)}: a URDF is rigid"] if elastic else []
-    return lines + not_rigid(chain, "a URDF")
+    return lines + _not_rigid(chain, "a URDF")
 
 
 def _link(robot: ET.Element, body: ChainBody) -> None:
@@ -283,7 +283,7 @@ def _link(robot: ET.Element, body: ChainBody) -> None:
 
 
 def _urdf_joint(robot: ET.Element, body: ChainBody) -> None:
-    limits = limits_of(body)
+    limits = _limits_of(body)
     types = {"fixed": "fixed", "slides": "prismatic", "turns": "revolute" if limits else "continuous"}
     joint = ET.SubElement(robot, "joint", name=body.joint, type=types[body.kind])
     angles = roll_pitch_yaw(body.frame[:3, :3])
@@ -319,7 +319,7 @@ def mjcf_text(chain: Machine) -> str:
     """
     mujoco = ET.Element("mujoco", model=chain.name)
     ET.SubElement(mujoco, "compiler", angle="radian", autolimits="true")
-    base, bodies = chain_bodies(chain)
+    base, bodies = _chain_bodies(chain)
     massless = _massless(bodies)
     elements = {base: ET.SubElement(mujoco, "worldbody")}
     equality = ET.Element("equality")
@@ -368,11 +368,11 @@ def mjcf_leaves_out(chain: Machine) -> list[str]:
         label = next(iter(chain.held), None)
         where = f"in the posture '{label}'" if label else "at zero"
         lines.append(f"where the springs of {', '.join(held)} are free of stress in other postures: {where}")
-    lines += not_rigid(chain, "MJCF")
+    lines += _not_rigid(chain, "MJCF")
     given = [part for part in chain.parts if isinstance(part, RigidOffset) and part.inertia is not None]
     if odd := [part.name for part in given if _moments(part) is None]:
         lines.append(f"moments of inertia of {', '.join(odd)}, which no body has: they are {LEAST} kg m²")
-    if massless := _massless(chain_bodies(chain)[1]):
+    if massless := _massless(_chain_bodies(chain)[1]):
         lines.append(f"that {', '.join(massless)} have no mass: MuJoCo takes no zero, and has {LEAST} kg there")
     return lines
 
@@ -457,7 +457,7 @@ def _coordinates(chain: Machine, label: str) -> dict[str, float]:
 def _close(chain: Machine, bodies: list[ChainBody], elements: dict[str, ET.Element], equality: ET.Element) -> None:
     """Sites at the frames that closures hold, and the equalities that hold them."""
     # where each part ends, in the body that it is: of a rigid one what comes behind it stands there
-    ends = {"": (next(iter(elements)), np.eye(4))} | part_ends(chain, bodies)
+    ends = {"": (next(iter(elements)), np.eye(4))} | _part_ends(chain, bodies)
     for closure in chain.closures:
         names = []
         for k, (part, at_part) in enumerate(zip(closure.parts, closure.frames, strict=True), start=1):

@@ -474,7 +474,7 @@ def polygon_constants(loops: tuple[Loop, ...], nu: float) -> PolygonConstants:
     Raises:
         ValueError: the loops cross or touch, a hole lies outside, or it is too slender.
     """
-    check_loops(loops)
+    _check_loops(loops)
     area, centroid, moments = _moments(loops)
     centred = [np.array(loop) - centroid for loop in loops]
     wide = _width(centred)
@@ -495,12 +495,8 @@ def polygon_constants(loops: tuple[Loop, ...], nu: float) -> PolygonConstants:
     )  # fmt: skip
 
 
-def check_loops(loops: Sequence[Loop]) -> None:
-    """Refuse what is no polygon with holes.
-
-    Raises:
-        ValueError: naming the loop.
-    """
+def _check_loops(loops: Sequence[Loop]) -> None:
+    """Refuse what is no polygon with holes."""
     names = ["outline_mm", *(f"hole {k} of holes_mm" for k in range(1, len(loops)))]
     for name, loop in zip(names, loops, strict=True):
         if len(set(loop)) < max(len(loop), 3):

@@ -141,13 +141,10 @@ QUATERNION = "quat_xyzw"
 FORMATS = ("euler_rpy", QUATERNION)
 
 
-def pose_of(place: FilePlace, element: XmlElement | None, doubts: list[str], unit: Decimal = METRE) -> Placing:
+def _pose_of(place: FilePlace, element: XmlElement | None, doubts: list[str], unit: Decimal = METRE) -> Placing:
     """Where a pose places its frame, mm and rad; nowhere else where there is none.
 
     It has six numbers, the last three in degrees where it says so, or seven with a quaternion.
-
-    Raises:
-        ModelFileError: it has other numbers.
     """
     if element is None or not element.text:
         return Placing()
@@ -352,7 +349,7 @@ class _SdfReader(DescribedTree):
         own = scope + MODEL
         place = FilePlace(self._file, f"model '{scope.removesuffix(NESTED) or self._title}'", model.line)
         placed = model.attributes.get("placement_frame", "").strip()
-        pose = pose_of(place, model.first("pose"), self._notes.doubtful, self._units.length)
+        pose = _pose_of(place, model.first("pose"), self._notes.doubtful, self._units.length)
         behind = self._scoped(scope, placed) if placed else ""
         self._frames.add(own, self._based(model, base, outer), pose, place, placed=behind)
         links = model.all("link")
@@ -390,14 +387,14 @@ class _SdfReader(DescribedTree):
         self._scopes[_joint_key(name)] = scope
         self._attached.setdefault(name, child)
         self._keep_joint(RawJoint(name, element.attributes.get("type", "").strip(), parent, child, element))
-        pose = pose_of(place, element.first("pose"), self._notes.doubtful, self._units.length)
+        pose = _pose_of(place, element.first("pose"), self._notes.doubtful, self._units.length)
         base = self._based(element, child, scope)
         self._frames.add(_joint_key(name), base, pose, place)
         self._frames.add(name, base, pose, place)
 
     def _add_frame(self, element: XmlElement, scope: str, base: str, what: str) -> None:
         place = FilePlace(self._file, what, element.line)
-        pose = pose_of(place, element.first("pose"), self._notes.doubtful, self._units.length)
+        pose = _pose_of(place, element.first("pose"), self._notes.doubtful, self._units.length)
         self._frames.add(scope + _name(element), self._based(element, base, scope), pose, place)
 
     def _based(self, element: XmlElement, usual: str, scope: str) -> str:
@@ -652,7 +649,7 @@ class _SdfReader(DescribedTree):
         return ratio, offset - ratio * reference
 
     def _inertial_frame(self, place: FilePlace, inertial: XmlElement, doubts: list[str], *, axes: bool) -> Placing:
-        return pose_of(place, inertial.first("pose"), doubts, self._units.length)
+        return _pose_of(place, inertial.first("pose"), doubts, self._units.length)
 
 
 def _joint_key(name: str) -> str:
