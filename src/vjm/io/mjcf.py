@@ -43,6 +43,10 @@ METRE = 1000.0
 Library = Any
 """MuJoCo, or a model of its; neither has types where it is not installed."""
 WORLD = "world"
+CLOSING = {"CONNECT": True, "WELD": False}
+"""Equalities that close a loop, and whether they hold the place alone."""
+BY_JOINT = ("JOINT", "JOINTINPARENT")
+"""How an actuator drives a joint itself."""
 KINDS: dict[bool, Kind] = {True: "slides", False: "turns"}
 
 
@@ -99,8 +103,12 @@ class _MjcfReader:
         self._notes = Notes()
         self._bodies = [self._name("BODY", i) or f"body-{i}" for i in range(self._model.nbody)]
         self._bodies[0] = WORLD
-        kinds = mujoco.mjtEq
-        self._closing = {int(kinds.mjEQ_CONNECT): True, int(kinds.mjEQ_WELD): False}
+        self._joint_types = self._types("mjtJoint", self._model.jnt_type)
+        self._equality_types = self._types("mjtEq", self._model.eq_type)
+        self._transmissions = self._types("mjtTrn", self._model.actuator_trntype)
+        self._wrap_types = self._types("mjtWrap", self._model.wrap_type)
+        # the bodies that closures hold, or those with the sites that they hold
+        self._on_sites = [name == "SITE" for name in self._types("mjtObj", self._model.eq_objtype)]
         self._standing: dict[int, float] = {}
         self._mimics = self._followers()
         self._closures_kept: list[int] = []
@@ -114,6 +122,11 @@ class _MjcfReader:
         self._held: dict[int, JointSpring] = {}
         self._sprung: set[int] = set()
 
+    def _types(self, enumeration: str, numbers: Array) -> list[str]:
+        """MuJoCo's names of types, without its prefix."""
+        kinds = getattr(self._mujoco, enumeration)
+        return [str(kinds(int(number)).name).split("_", 1)[1] for number in numbers]
+
     def _name(self, kind: str, index: int) -> str:
         name = self._mujoco.mj_id2name(self._model, getattr(self._mujoco.mjtObj, f"mjOBJ_{kind}"), index)
         return str(name or "")
@@ -123,13 +136,11 @@ class _MjcfReader:
 
     def _slides(self, joint: int) -> bool:
         """Whether a joint slides."""
-        kind = int(self._model.jnt_type[joint])
-        types = self._mujoco.mjtJoint
-        if kind in (int(types.mjJNT_FREE), int(types.mjJNT_BALL)):
-            free = kind == int(types.mjJNT_FREE)
-            what = f"free, {ON_ITS_BASE}" if free else "a ball: write three hinges"
+        kind = self._joint_types[joint]
+        if kind in ("FREE", "BALL"):
+            what = f"free, {ON_ITS_BASE}" if kind == "FREE" else "a ball: write three hinges"
             raise ModelFileError(f"{self._file}: joint '{self._joint_name(joint)}' is {what}")
-        return kind == int(types.mjJNT_SLIDE)
+        return kind == "SLIDE"
 
     @property
     def _closes(self) -> bool:
@@ -186,14 +197,14 @@ class _MjcfReader:
         return [body for body in range(1, model.nbody) if not idle.intersection(self._way(body))]
 
     def _is_closure(self, k: int) -> bool:
-        if int(self._model.eq_type[k]) not in self._closing or not self._model.eq_active0[k]:
+        if self._equality_types[k] not in CLOSING or not self._model.eq_active0[k]:
             return False
         # what a simulation moves by hand holds nothing
         return all(self._model.body_mocapid[body] < 0 for body in self._closed_bodies(k))
 
     def _closed_bodies(self, k: int) -> tuple[int, int]:
         ids = int(self._model.eq_obj1id[k]), max(0, int(self._model.eq_obj2id[k]))
-        if int(self._model.eq_objtype[k]) == int(self._mujoco.mjtObj.mjOBJ_SITE):
+        if self._on_sites[k]:
             return int(self._model.site_bodyid[ids[0]]), int(self._model.site_bodyid[ids[1]])
         return ids
 
@@ -208,11 +219,10 @@ class _MjcfReader:
 
     def _driven_joints(self, taken: list[int]) -> set[int]:
         """Joints that an actuator holds: its own, those that follow or lead it, and what its tendon moves."""
-        model, kinds, leads = self._model, self._mujoco.mjtTrn, self._leads()
-        by_joint = (int(kinds.mjTRN_JOINT), int(kinds.mjTRN_JOINTINPARENT))
+        model, leads = self._model, self._leads()
         held, others = set[int](), list[int]()
         for k in range(model.nu):
-            if int(model.actuator_trntype[k]) in by_joint:
+            if self._transmissions[k] in BY_JOINT:
                 joint = int(model.actuator_trnid[k][0])
                 held.add(leads.get(joint, joint))
             else:
@@ -234,18 +244,16 @@ class _MjcfReader:
 
     def _pulled(self, actuator: int) -> list[int]:
         """Joints of the fixed tendon that an actuator drives; none where it drives something else."""
-        model = self._model
-        if int(model.actuator_trntype[actuator]) != int(self._mujoco.mjtTrn.mjTRN_TENDON):
+        if self._transmissions[actuator] != "TENDON":
             return []
-        return [joint for _, joint in self._wrapped(int(model.actuator_trnid[actuator][0]))]
+        return [joint for _, joint in self._wrapped(int(self._model.actuator_trnid[actuator][0]))]
 
     def _wrapped(self, tendon: int) -> list[tuple[int, int]]:
         """Places in MuJoCo's list and joints of a fixed tendon; none of a tendon in space."""
         model = self._model
         first = int(model.tendon_adr[tendon])
         wraps = range(first, first + int(model.tendon_num[tendon]))
-        kind = int(self._mujoco.mjtWrap.mjWRAP_JOINT)
-        return [(k, int(model.wrap_objid[k])) for k in wraps if int(model.wrap_type[k]) == kind]
+        return [(k, int(model.wrap_objid[k])) for k in wraps if self._wrap_types[k] == "JOINT"]
 
     def _followers(self) -> dict[int, Mimic]:
         """What joints follow others in the end, by equalities that are straight lines; which stand is noted."""
@@ -255,7 +263,7 @@ class _MjcfReader:
                 continue
             relation = self._relation(k) if model.eq_active0[k] else None
             if relation is None or len(relation[0]) not in (1, 2):
-                kind = str(self._mujoco.mjtEq(int(model.eq_type[k])).name).removeprefix("mjEQ_").lower()
+                kind = self._equality_types[k].lower()
                 self._notes.left_out.append(f"the equality '{self._name('EQUALITY', k) or kind}' ({kind})")
                 continue
             weights, offset = relation
@@ -291,8 +299,8 @@ class _MjcfReader:
         None where an equality is no straight line, or holds something else than joints and fixed tendons. The
         joint that follows is the last one.
         """
-        model, kinds = self._model, self._mujoco.mjtEq
-        kind, first, second = int(model.eq_type[k]), int(model.eq_obj1id[k]), int(model.eq_obj2id[k])
+        model, kind = self._model, self._equality_types[k]
+        first, second = int(model.eq_obj1id[k]), int(model.eq_obj2id[k])
         offset, ratio, *higher = (float(v) for v in model.eq_data[k][:5])
         if second >= 0 and any(higher):
             return None
@@ -300,9 +308,9 @@ class _MjcfReader:
         for held, factor in ((second, -ratio), (first, 1.0)):
             if held < 0:
                 continue
-            if kind == int(kinds.mjEQ_JOINT):
+            if kind == "JOINT":
                 weights[held] = weights.get(held, 0.0) + factor
-            elif kind == int(kinds.mjEQ_TENDON) and len(self._wrapped(held)) == int(model.tendon_num[held]):
+            elif kind == "TENDON" and len(self._wrapped(held)) == int(model.tendon_num[held]):
                 for place, joint in self._wrapped(held):
                     weights[joint] = weights.get(joint, 0.0) + factor * float(model.wrap_prm[place])
             else:
@@ -363,9 +371,7 @@ class _MjcfReader:
 
     def _single(self) -> list[int]:
         """Joints of one freedom."""
-        types = self._mujoco.mjtJoint
-        kinds = int(types.mjJNT_HINGE), int(types.mjJNT_SLIDE)
-        return [joint for joint in range(self._model.njnt) if int(self._model.jnt_type[joint]) in kinds]
+        return [joint for joint, kind in enumerate(self._joint_types) if kind in ("HINGE", "SLIDE")]
 
     def _springs_of_joints(self) -> Iterator[_Elastic]:
         model = self._model
@@ -411,7 +417,7 @@ class _MjcfReader:
 
     def _gains(self) -> Iterator[_Elastic]:
         """Position gains of actuators: their force falls with the length that they drive."""
-        model, kinds = self._model, self._mujoco.mjtTrn
+        model = self._model
         affine = int(self._mujoco.mjtBias.mjBIAS_AFFINE)
         single = self._single()
         for k in range(model.nu):
@@ -420,9 +426,9 @@ class _MjcfReader:
                 continue
             name = f"the position gain of actuator '{self._name('ACTUATOR', k) or f'number {k + 1}'}'"
             driven, weights = int(model.actuator_trnid[k][0]), dict[int, float]()
-            if int(model.actuator_trntype[k]) in (int(kinds.mjTRN_JOINT), int(kinds.mjTRN_JOINTINPARENT)):
+            if self._transmissions[k] in BY_JOINT:
                 weights = {driven: 1.0} if driven in single else {}
-            elif int(model.actuator_trntype[k]) == int(kinds.mjTRN_TENDON):
+            elif self._transmissions[k] == "TENDON":
                 weights = self._tendon_weights(driven)
             if not weights:
                 continue
@@ -495,7 +501,7 @@ class _MjcfReader:
             place = _placing(shift, turns, position - anchor)
             if not self._name("JOINT", joint):
                 self._notes.changed.append(f"a joint of body '{name}' has no name: '{self._joint_name(joint)}'")
-            if self._is_ball(joint):
+            if self._joint_types[joint] == "BALL":
                 joints += self._ball(joint, parent, child, place, bodies)
             else:
                 joints.append(self._joint(joint, parent, child, place, self._mimics.get(joint)))
@@ -509,13 +515,10 @@ class _MjcfReader:
             inertia=self._inertia(index),
         )  # fmt: skip
 
-    def _is_ball(self, joint: int) -> bool:
-        return int(self._model.jnt_type[joint]) == int(self._mujoco.mjtJoint.mjJNT_BALL)
-
     def _names(self, joint: int) -> list[str]:
         """Of a joint, or of the three that stand for a ball."""
         name = self._joint_name(joint)
-        return [f"{name}-{axis}" for axis in "xyz"] if self._is_ball(joint) else [name]
+        return [f"{name}-{axis}" for axis in "xyz"] if self._joint_types[joint] == "BALL" else [name]
 
     def _ball(
         self, joint: int, parent: str, child: str, place: Placing, bodies: dict[str, Body]
@@ -555,8 +558,7 @@ class _MjcfReader:
 
     def _stands(self, joint: int) -> bool:
         """Whether a joint is free, and is to hold its body where the file shows it."""
-        free = int(self._model.jnt_type[joint]) == int(self._mujoco.mjtJoint.mjJNT_FREE)
-        if free and self._reading.fix_base:
+        if self._joint_types[joint] == "FREE" and self._reading.fix_base:
             body = self._bodies[int(self._model.jnt_bodyid[joint])]
             self._notes.changed.append(f"the body '{body}' is free: it stands where the file shows it")
             return True
@@ -650,9 +652,9 @@ class _MjcfReader:
         """What holds two bodies that are taken together: equalities ``connect`` and ``weld``."""
         model, closures = self._model, []
         for k in self._closures_kept:
-            ball = self._closing[int(model.eq_type[k])]
+            ball = CLOSING[self._equality_types[k]]
             names = [self._bodies[i] for i in self._closed_bodies(k)]
-            if int(model.eq_objtype[k]) == int(self._mujoco.mjtObj.mjOBJ_SITE):
+            if self._on_sites[k]:
                 sites = int(model.eq_obj1id[k]), int(model.eq_obj2id[k])
                 places = [self._place(model.site_pos[i], model.site_quat[i]) for i in sites]
             else:
