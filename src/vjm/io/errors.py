@@ -178,6 +178,11 @@ _WANTED = {
 }
 
 
+_SAID = {
+    "missing": "is missing: add it",
+    "string_too_short": "must not be empty",
+    "union_tag_not_found": "kind is missing: add it",
+}
 _OF_THE_LIBRARY = frozenset(get_args(ErrorType))
 
 
@@ -186,8 +191,8 @@ def _phrase(detail: ErrorDetails) -> str:
     kind, context, given = detail["type"], detail.get("ctx", {}), detail["input"]
     if kind == "value_error":
         return str(context["error"])
-    if kind == "missing":
-        return "is missing: add it"
+    if kind in _SAID:
+        return _SAID[kind]
     if kind in _WANTED:
         return f"must be {_WANTED[kind]}, got {reprlib.repr(given)}"
     if kind in _LIMITS:
@@ -199,15 +204,11 @@ def _phrase(detail: ErrorDetails) -> str:
         return f"must have {word} {context[count]} {entries}, got {context['actual_length']}"
     if kind == "string_pattern_mismatch":
         return f"must start with a letter and go on with letters, digits, '_' or '-', got {reprlib.repr(given)}"
-    if kind == "string_too_short":
-        return "must not be empty"
     if kind == "literal_error":
         remedy = "convert the numbers" if detail["loc"][0] == "units" else "this release reads no other"
         return f"must be {context['expected']}, got {reprlib.repr(given)}: {remedy}"
     if kind == "union_tag_invalid":
         return f"kind must be one of {context['expected_tags']}, got '{context['tag']}'"
-    if kind == "union_tag_not_found":
-        return "kind is missing: add it"
     # what a table of ours says itself stays; the library's own sentences are no remedy
     return f"cannot be {reprlib.repr(given)}" if kind in _OF_THE_LIBRARY else detail["msg"]
 

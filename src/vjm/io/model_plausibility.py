@@ -267,14 +267,6 @@ def mass_of(made: object) -> float:
     return float(getattr(made, "mass", 0.0))
 
 
-def area_of(part: BeamTable, beam: Beam) -> float:
-    """Area of one member, mm²; of a section known by its stiffness that of the rectangle with its radii."""
-    assert beam.section is not None
-    if isinstance(part.section, Shape):
-        return part.section.area
-    return 12.0 * float(np.sqrt(beam.section.EIy * beam.section.EIz)) / beam.section.EA
-
-
 # ------------------------------------------------------------------------------------------------------------------
 
 
@@ -398,12 +390,6 @@ def _bodies(model: ModelFile) -> dict[str, float]:
     return {name: longest[root] for name, root in body.items()}
 
 
-def _may_be_in_metres(link: Offset) -> bool:
-    """Whether a link's vector may have been typed in metres: no fit by its source or by digits below 1 µm."""
-    vector = link.translation_mm
-    return not link.source.startswith(CALIBRATED) and all(abs(v - round(v, METRE_DIGITS)) <= 1e-12 for v in vector)
-
-
 def offsets(model: ModelFile) -> Iterator[Found]:
     """Rigid arms and whole machines so small that they are in metres, and masses far outside of the machine.
 
@@ -420,8 +406,13 @@ def offsets(model: ModelFile) -> Iterator[Found]:
         where = f"part '{part.name}'"
         if isinstance(part, BeamTable):
             yield from _tiny(f"{where}, end_offset_mm", part.end_offset_mm, TINY_INSIDE_MM)
-        elif isinstance(part, Offset) and longest[part.name] < TINY_MM and _may_be_in_metres(part):
-            yield from _tiny(f"{where}, translation_mm", part.translation_mm)
+        elif isinstance(part, Offset) and longest[part.name] < TINY_MM:
+            vector = part.translation_mm
+            # digits below 1 µm are those of a fit
+            fitted = part.source.startswith(CALIBRATED) or any(
+                abs(v - round(v, METRE_DIGITS)) > 1e-12 for v in vector
+            )
+            yield from () if fitted else _tiny(f"{where}, translation_mm", vector)
         if isinstance(part, Offset | PayloadTable) and part.centre_of_mass_mm is not None:
             yield from _tiny(f"{where}, centre_of_mass_mm", part.centre_of_mass_mm, TINY_INSIDE_MM)
             away = float(np.linalg.norm(part.centre_of_mass_mm))
@@ -524,7 +515,10 @@ def masses(model: ModelFile) -> Iterator[Found]:
     for part, one in made:
         where, mass = f"part '{part.name}', mass_kg", mass_of(one)
         if isinstance(part, BeamTable) and part.mass_kg and isinstance(one, Beam) and one.section is not None:
-            volume = one.count * one.length * area_of(part, one)
+            # of a section known by its stiffness the area is that of the rectangle with its radii
+            rectangle = 12.0 * float(np.sqrt(one.section.EIy * one.section.EIz)) / one.section.EA
+            area = part.section.area if isinstance(part.section, Shape) else rectangle
+            volume = one.count * one.length * area
             density = 1e9 * mass / volume
             if not LIGHTEST <= density <= DENSEST:
                 dense = density > DENSEST

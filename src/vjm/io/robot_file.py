@@ -309,7 +309,10 @@ def _imported(description: Description, tip: str | None, reading: Reading) -> Im
             raise ModelFileError(f"{path.name}: is a table of joints, which has one end: leave out --tip")
         if reading.units != FileUnits():
             raise ModelFileError(f"{path.name}: says its units itself: leave out --units")
-        return robot_document(_of_table(description, reading))
+        if suffix == ".conf":
+            return robot_document(controller_robot(path, reading, description.ur_type))
+        table = dh_robot if suffix in (".toml", ".csv") else kinematics_robot
+        return robot_document(table(path, reading))
     xml = expanded(path, description.arguments) if description.xacro else read_xml(path)
     if xml.root.tag == "mujoco":
         if reading.units != FileUnits():
@@ -317,13 +320,6 @@ def _imported(description: Description, tip: str | None, reading: Reading) -> Im
         return _in_its_units(mjcf_robot(path, tip, reading), xml, tip, reading, scales=False)
     read = sdf_robot if xml.root.tag == "sdf" else urdf_robot
     return _in_its_units(read(xml, path.name, tip, reading), xml, tip, reading)
-
-
-def _of_table(description: Description, reading: Reading) -> Robot:
-    path, suffix = description.path, description.suffix
-    if suffix == ".conf":
-        return controller_robot(path, reading, description.ur_type)
-    return dh_robot(path, reading) if suffix in (".toml", ".csv") else kinematics_robot(path, reading)
 
 
 def _in_its_units(

@@ -258,13 +258,9 @@ AnyPart = Annotated[
 ]
 
 
-def _kind_of_posture(raw: object) -> str:
-    return "table" if isinstance(raw, dict) else "row"
-
-
 Posture = Annotated[
     Annotated[list[float], Tag("row")] | Annotated[dict[PartName, float], Tag("table")],
-    Discriminator(_kind_of_posture),
+    Discriminator(lambda raw: "table" if isinstance(raw, dict) else "row"),
 ]
 
 

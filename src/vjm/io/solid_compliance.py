@@ -196,9 +196,8 @@ def _part(part: Any, drawings: dict[str, str], folder: Path, file: str, place: i
     table = part.get("compliance") if isinstance(part, dict) else None
     if not isinstance(table, dict):
         return part
-    where = (
-        f"{file}: part '{part['name']}': compliance" if "name" in part else f"{file}: part {place + 1}: compliance"
-    )
+    named = f"'{part['name']}'" if "name" in part else place + 1
+    where = f"{file}: part {named}: compliance"
     known = [field.alias or name for name, field in SolidTable.model_fields.items()]
     solid = validated(SolidTable, table, where, lambda _: known)
     try:
@@ -208,18 +207,10 @@ def _part(part: Any, drawings: dict[str, str], folder: Path, file: str, place: i
     drawings[solid.from_] = digest(raw)
     result = _result(folder / solid.from_, raw, solid, where)
     source = part.get("compliance_source") or f"{solid.from_} by solid finite elements, {result.unknowns} unknowns"
-    drawn = {
-        "file": solid.from_,
-        "thickness_mm": result.thickness_mm,
-        "bodies": result.bodies,
-        "bonded": solid.bonded,
-        "stress_at_mm": (np.array(result.stress_at_mm).reshape(-1, 3) - np.array(solid.root_mm)).tolist(),
-        "stress_forms": result.stress_forms,
-    }
-    if result.buckling_N is not None:
-        drawn["buckling_N"] = result.buckling_N
-    if solid.yield_stress_MPa is not None:
-        drawn["yield_stress_MPa"] = solid.yield_stress_MPa
+    places = (np.array(result.stress_at_mm).reshape(-1, 3) - np.array(solid.root_mm)).tolist()
+    drawn = {"file": solid.from_, "bonded": solid.bonded, "stress_at_mm": places}
+    drawn |= result.model_dump(include={"thickness_mm", "bodies", "stress_forms", "buckling_N"}, exclude_none=True)
+    drawn |= solid.model_dump(include={"yield_stress_MPa"}, exclude_none=True)
     numbers = {**part, "compliance": result.compliance, "compliance_source": source, "drawing": drawn}
     _check_tip(numbers, np.array(result.reach_mm), np.array(solid.root_mm), where)
     if solid.as_beam:

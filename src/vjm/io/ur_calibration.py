@@ -221,8 +221,9 @@ def controller_robot(path: Path, reading: Reading, kind: str = "") -> Robot:
         with naming(f"{file}: --ur-type"):
             table = nominal_table(kind)
     if has_deltas:
-        deltas = [_six(parser, "mounting", f"delta_{key}", file) for key in DELTAS]
-        table = _added(table, *deltas)
+        deltas = np.array([_six(parser, "mounting", f"delta_{key}", file) for key in DELTAS])
+        nominal = np.array([(row.theta, row.a / 1e3, row.d / 1e3, row.alpha) for row in table.rows]).T
+        table = _table(table.name, *(nominal + deltas).tolist())
     else:
         notes.doubtful.append("the file has no [mounting]: this is the nominal arm")
     if parser.get("mounting", "calibration_status", fallback="").strip().startswith("0"):
@@ -235,17 +236,6 @@ def controller_robot(path: Path, reading: Reading, kind: str = "") -> Robot:
             notes.left_out.append(f"[{section}] {', '.join(own)}")
     notes.doubtful.append("limits of joints are not read: none are taken")
     return table_robot(table, file, reading, notes)
-
-
-def _added(table: DhTable, theta: list[float], a: list[float], d: list[float], alpha: list[float]) -> DhTable:
-    rows = table.rows
-    return _table(
-        table.name,
-        [row.theta + one for row, one in zip(rows, theta, strict=True)],
-        [row.a / 1e3 + one for row, one in zip(rows, a, strict=True)],
-        [row.d / 1e3 + one for row, one in zip(rows, d, strict=True)],
-        [row.alpha + one for row, one in zip(rows, alpha, strict=True)],
-    )
 
 
 def _six(parser: configparser.ConfigParser, section: str, key: str, file: str) -> list[float]:
