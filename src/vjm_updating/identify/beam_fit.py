@@ -154,11 +154,6 @@ class Space:
         result: Array = (np.imag(C) / COMPLEX_STEP / self.target.half)[:, *UPPER].T
         return result
 
-    def entry(self, x: Array, i: int, j: int) -> tuple[float, Array]:
-        """Entry (i, j) of the compliance at a point, and its derivative ``(n,)``."""
-        C = self._compliances(x + 1j * COMPLEX_STEP * np.eye(len(x)))[:, i, j]
-        return float(np.real(C[0])), np.imag(C) / COMPLEX_STEP
-
     def direction(self, x: Array) -> tuple[Array, Array]:
         """Direction ``(3,)`` of the beam at a point, and its derivative ``(3, n)``."""
         steps = x + 1j * COMPLEX_STEP * np.eye(len(x))
@@ -300,32 +295,24 @@ class FormSearch:
         return self.levelled[0] if self.met and not self.nearest.met else self.nearest
 
 
-def search(target: Target, form: Form, like: list[BeamFit] | None = None) -> FormSearch:
-    """The nearest beam of a form, and the one whose worst entry is best; arguments as `nearest`."""
-    fits = nearest(target, form, like)
-    levelled = sorted((_levelled(fit) for fit in distinct(fits)[:KEPT]), key=lambda fit: fit.worst)
-    return FormSearch(fits[0], tuple(levelled))
+def search(target: Target, form: Form) -> FormSearch:
+    """The nearest beam of a form, and the one whose worst entry is best.
 
-
-def nearest(
-    target: Target, form: Form, like: list[BeamFit] | None = None, *, robust: bool = False
-) -> list[BeamFit]:
-    """Beams of a form with a locally smallest sum of squares, best first.
-
-    Args:
-        target: to come near to.
-        form: of the beams.
-        like: beams to start from; by default those that the matrix itself suggests, and random ones.
-        robust: the sum of ``ln(1 + r²)`` instead, on which a single misprint has little hold.
+    Both are sought from beams that the matrix itself suggests, and from random ones.
     """
-    fits: list[tuple[float, BeamFit]] = []
-    for space, x in _starts(target, form) if like is None else _again(target, form, like):
+    fits = []
+    for space, x in _starts(target, form):
         solution = least_squares(
-            space.residuals, x, space.slopes, bounds=space.bounds, loss="cauchy" if robust else "linear",
-            max_nfev=60, xtol=1e-10, ftol=1e-10,
-        )  # fmt: skip
+            space.residuals, x, space.slopes, bounds=space.bounds, max_nfev=60, xtol=1e-10, ftol=1e-10
+        )
         fits.append((float(solution.cost), BeamFit(space, np.asarray(solution.x))))
-    return [fit for _, fit in sorted(fits, key=lambda pair: pair[0])]
+    best: list[BeamFit] = []
+    for _, fit in sorted(fits, key=lambda pair: pair[0]):
+        # of fits of one quality one is enough
+        if not best or abs(fit.squares - best[-1].squares) > 0.01 * best[-1].squares + 1e-9:
+            best.append(fit)
+    levelled = sorted(map(_levelled, best[:KEPT]), key=lambda fit: fit.worst)
+    return FormSearch(best[0], tuple(levelled))
 
 
 def _levelled(fit: BeamFit) -> BeamFit:
@@ -350,23 +337,6 @@ def _levelled(fit: BeamFit) -> BeamFit:
     )
     other = BeamFit(space, y[:n])
     return other if other.worst < fit.worst else fit
-
-
-def _again(target: Target, form: Form, like: list[BeamFit]) -> Iterator[tuple[Space, Array]]:
-    """Beams found for another target, to begin from."""
-    for fit in like:
-        beam = fit.beam
-        space = Space(target, form, beam.section_frame)
-        yield space, space.point(beam)
-
-
-def distinct(fits: list[BeamFit]) -> list[BeamFit]:
-    """Fits of different quality, best first."""
-    kept: list[BeamFit] = []
-    for fit in fits:
-        if not kept or abs(fit.squares - kept[-1].squares) > 0.01 * kept[-1].squares + 1e-9:
-            kept.append(fit)
-    return kept
 
 
 def _starts(target: Target, form: Form) -> Iterator[tuple[Space, Array]]:
@@ -477,31 +447,6 @@ def ranges(fits: list[BeamFit]) -> dict[str, Range]:
             before = intervals.get(name, Range(np.inf, -np.inf))
             intervals[name] = Range(min(low, before.low), max(high, before.high))
     return intervals
-
-
-def entry_range(fits: list[BeamFit], i: int, j: int) -> Range:
-    """Range of the compliance's entry (i, j) over the beams that meet every other entry, sought as in `ranges`.
-
-    Args:
-        fits: beams of one form that meet every entry of a target from which this one was left out.
-        i: zero-based.
-        j: zero-based.
-    """
-
-    def quantity(space: Space) -> _Quantity:
-        # as large as a diagonal entry's share, so that one tolerance serves all
-        unit = float(np.sqrt(space.target.matrix[i, i] * space.target.matrix[j, j]))
-
-        def scaled(x: Array) -> tuple[float, Array]:
-            value, slope = space.entry(x, i, j)
-            return value / unit, slope / unit
-
-        return _Quantity(scaled)
-
-    ends = [_end(fit.space, fit.x, quantity(fit.space), sign) for fit in fits for sign in (-1, 1)]
-    C = fits[0].space.target.matrix
-    unit = float(np.sqrt(C[i, i] * C[j, j]))
-    return Range(min(ends) * unit, max(ends) * unit)
 
 
 def _quantities(space: Space) -> dict[str, _Quantity]:

@@ -18,25 +18,15 @@ from vjm.outcome import Outcome
 from vjm.rotations import Array
 from vjm_updating.constants import numerical
 from vjm_updating.identify import report as words
-from vjm_updating.identify.beam_fit import Form, Range, Target, entry_range, search
+from vjm_updating.identify.beam_fit import Target
 from vjm_updating.identify.experiments import MESHES, BeamPath, Specimen, measure, part_specimen
-from vjm_updating.identify.matrix_file import (
-    RawMatrix,
-    asymmetric_pairs,
-    mirrored,
-    read_matrix,
-    repairs_of_pair,
-    single_changes,
-    target,
-)
+from vjm_updating.identify.matrix_file import RawMatrix, read_matrix, target
 from vjm_updating.identify.report import (
     IdentificationDocument,
-    RepairDocument,
     beam_document,
     experiments_document,
     intervals,
     reference_document,
-    repair_document,
     scaling,
     searches,
 )
@@ -72,7 +62,7 @@ def identify_path(path: BeamPath, sha256: str = "") -> IdentificationDocument:
 
 
 def identify_matrix(name_or_path: str | Path) -> IdentificationDocument:
-    """The uniform beam behind a matrix of the library or a file, which may be rounded or misprinted.
+    """The uniform beam behind a matrix of the library or a file, whose entries may be rounded.
 
     Raises:
         MatrixFileError: no matrix of an elastic body, with the line and the remedy.
@@ -83,24 +73,8 @@ def identify_matrix(name_or_path: str | Path) -> IdentificationDocument:
 
 def examine(raw: RawMatrix) -> IdentificationDocument:
     """As `identify_matrix`, of a matrix already read."""
-    pairs = asymmetric_pairs(raw)
-    changes: list[RepairDocument] = []
-    repaired = raw
-    left_out: list[tuple[int, int]] = []
-    for pair in pairs:
-        tried = repairs_of_pair(repaired, pair, [other for other in pairs if other != pair])
-        others = _others(raw, pairs, pair)
-        changes += [repair_document(raw, one, others) for one in tried]
-        if tried[0].makes_a_beam and not tried[1].makes_a_beam:
-            repaired = mirrored(repaired, pair, tried[0].entry[::-1])
-        else:
-            left_out.append(pair)
-    aim = target(repaired, left_out)
-    results = searches(aim)
-    if not results[-1].met and raw.kind == "compliance" and not pairs:
-        found_changes = [one for form in (Form.STRAIGHT, Form.OFFSET) for one in single_changes(aim, form)]
-        changes += [repair_document(raw, one) for one in found_changes]
-    beams = [beam_document(one) for one in results]
+    aim = target(raw)
+    beams = [beam_document(one) for one in searches(aim)]
     return IdentificationDocument(
         version=__version__,
         source="matrix",
@@ -114,20 +88,9 @@ def examine(raw: RawMatrix) -> IdentificationDocument:
         uncertainty=intervals(aim.half),
         experiments=None,
         references=[],
-        repairs=changes,
         beams=beams,
-        findings=[*words.of_matrix(raw, pairs, changes, left_out), *words.of_beams(beams)],
+        findings=[*words.of_matrix(raw), *words.of_beams(beams)],
     )
-
-
-def _others(raw: RawMatrix, pairs: list[tuple[int, int]], pair: tuple[int, int]) -> Range | None:
-    """What the entries outside all asymmetric pairs say of one pair, where a beam meets them."""
-    rest = target(raw, pairs)
-    for form in (Form.STRAIGHT, Form.OFFSET):
-        result = search(rest, form)
-        if result.met:
-            return entry_range([fit for fit in (result.nearest, *result.levelled) if fit.met], *pair)
-    return None
 
 
 def _by_experiment(
@@ -154,7 +117,6 @@ def _by_experiment(
         uncertainty=measured.uncertainty.tolist(),
         experiments=experiments,
         references=references,
-        repairs=[],
         beams=beams,
         findings=[*words.of_experiments(experiments, references), *words.of_beams(beams)],
     )

@@ -1,7 +1,6 @@
 """Raw 6×6 matrices from text: six rows of six numbers, or a table of load cases.
 
-Each is made a target to fit: symmetric within its rounding, definite, in plausible units; its misprint is
-proposed.
+Each is made a target to fit: symmetric within its rounding, definite, in plausible units.
 """
 
 from __future__ import annotations
@@ -10,18 +9,18 @@ import hashlib
 import math
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
 
 import numpy as np
 
 from vjm.io.checks import checked_compliance
-from vjm.io.errors import did_you_mean, printed
+from vjm.io.errors import did_you_mean
 from vjm.plain_numbers import plain_number
 from vjm.rotations import Array
-from vjm_updating.constants import definition, numerical, physical_bound
-from vjm_updating.identify.beam_fit import UPPER, Form, Target, distinct, nearest, search
+from vjm_updating.constants import definition, physical_bound
+from vjm_updating.identify.beam_fit import Target
 
 KINDS = ("compliance", "stiffness")
 UNITS = ("N mm rad", "N m rad")
@@ -271,11 +270,6 @@ def entry_name(i: int, j: int) -> str:
     return f"({i + 1},{j + 1})"
 
 
-def as_written(value: float) -> str:
-    """A proposed value, to four digits."""
-    return printed(value, 4)
-
-
 # --- A raw matrix made a target to fit: symmetric within its rounding, in plausible units, definite ---------------
 
 CANTILEVER = definition(0.75)
@@ -297,20 +291,8 @@ def asymmetric_pairs(raw: RawMatrix) -> list[tuple[int, int]]:
     return sorted(pairs, key=lambda p: -abs(gap[p]) / scale[p])
 
 
-def mirrored(raw: RawMatrix, pair: tuple[int, int], keep: tuple[int, int]) -> RawMatrix:
-    """The matrix with both entries of a pair as the one at ``keep``."""
-    values, half = raw.values.copy(), raw.half.copy()
-    for i, j in (pair, pair[::-1]):
-        values[i, j], half[i, j] = raw.values[keep], raw.half[keep]
-    return replace(raw, values=values, half=half)
-
-
-def target(raw: RawMatrix, left_out: list[tuple[int, int]] | None = None) -> Target:
-    """The compliance to fit, each pair where its two intervals meet.
-
-    Args:
-        raw: a matrix without asymmetric pairs but for those left out.
-        left_out: pairs that shall not count.
+def target(raw: RawMatrix) -> Target:
+    """The compliance to fit, each pair where its two intervals meet; where they do not, it is left out.
 
     Raises:
         MatrixFileError: units that do not fit together, or an indefinite matrix.
@@ -318,10 +300,10 @@ def target(raw: RawMatrix, left_out: list[tuple[int, int]] | None = None) -> Tar
     low = np.maximum(raw.values - raw.half, (raw.values - raw.half).T)
     high = np.minimum(raw.values + raw.half, (raw.values + raw.half).T)
     M, half = 0.5 * (low + high), 0.5 * (high - low)
-    for i, j in left_out or []:
+    _check_diagonal(raw, M)
+    for i, j in asymmetric_pairs(raw):
         half[i, j] = half[j, i] = np.inf
         M[i, j] = M[j, i] = 0.5 * (raw.values[i, j] + raw.values[j, i])
-    _check_diagonal(raw, M)
     if raw.kind == "stiffness":
         half = np.where(np.isfinite(half), half, np.abs(M))
         # units and definiteness are the same question for the inverse
@@ -387,84 +369,3 @@ def _check_definite(raw: RawMatrix, M: Array, half: Array) -> None:
         checked_compliance(M)
     except ValueError as error:
         raise MatrixFileError(f"{raw.file}: line {raw.lines[0][0]}: the {raw.kind} {error}") from None
-
-
-# --- Which single entry of a matrix is misprinted: the one whose change makes it symmetric, and a beam's ----------
-
-STARTS = numerical(6)
-"""Beams near the matrix, by either measure, from which those near the rest of it are sought."""
-
-
-@dataclass(frozen=True)
-class Repair:
-    """A change of one entry, or none but that a pair is made equal, and what comes of it.
-
-    Attributes:
-        entry: zero-based indices of the entry that changes.
-        value: what it becomes, N, mm, rad.
-        worst: smallest possible misfit of the worst entry by a beam of the form below, half-widths; infinite
-            where the changed matrix is none of an elastic body.
-        form: of the beam.
-    """
-
-    entry: tuple[int, int]
-    value: float
-    worst: float
-    form: Form
-
-    @property
-    def makes_a_beam(self) -> bool:
-        """Whether a beam meets every entry after it."""
-        return self.worst <= 1.0 + 1e-6
-
-
-def repairs_of_pair(raw: RawMatrix, pair: tuple[int, int], others: list[tuple[int, int]]) -> list[Repair]:
-    """Both repairs that make an asymmetric pair equal, best first.
-
-    Args:
-        raw: the matrix.
-        pair: the entries in question.
-        others: asymmetric pairs besides, which are left out.
-    """
-    repairs = []
-    for changed in (pair, pair[::-1]):
-        keep = changed[::-1]
-        value = float(raw.values[keep])
-        repairs.append(_tried(mirrored(raw, pair, keep), others, changed, value))
-    return sorted(repairs, key=lambda repair: repair.worst)
-
-
-def _tried(raw: RawMatrix, left_out: list[tuple[int, int]], entry: tuple[int, int], value: float) -> Repair:
-    try:
-        aim = target(raw, left_out)
-    except MatrixFileError:
-        return Repair(entry, value, float("inf"), Form.STRAIGHT)
-    tried = [(search(aim, form).worst, form) for form in (Form.STRAIGHT, Form.OFFSET)]
-    met = [one for one in tried if one[0] <= 1.0 + 1e-6]
-    worst, form = met[0] if met else min(tried)
-    return Repair(entry, value, worst, form)
-
-
-def single_changes(aim: Target, form: Form) -> list[Repair]:
-    """Every single pair of mirrored entries whose change alone would let a beam of a form meet the rest.
-
-    Each entry is left out in turn; the value proposed is that of the nearest beam to the rest.
-    """
-    repairs = []
-    like = [fit for robust in (True, False) for fit in distinct(nearest(aim, form, robust=robust))[:STARTS]]
-    for i in range(6):
-        for j in range(i, 6):
-            half = aim.half.copy()
-            half[i, j] = half[j, i] = np.inf
-            if i == j:
-                # what an entry resolves bounds what is looked for; a missing diagonal entry keeps the old one's
-                half[i, i] = 1e6 * aim.half[i, i]
-            changed = replace(aim, half=half)
-            # a beam that meets the others, each by one or less, has at most this sum of squares
-            if nearest(changed, form, like)[0].squares > len(UPPER[0]):
-                continue
-            result = search(changed, form, like)
-            if result.met:
-                C = result.beam.beam.beam_compliance()
-                repairs.append(Repair((i, j), float(C[i, j]), result.worst, form))
-    return repairs

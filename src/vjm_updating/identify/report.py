@@ -26,7 +26,7 @@ from vjm_updating.identify.beam_fit import (
     search,
 )
 from vjm_updating.identify.experiments import ComplianceMeasurement
-from vjm_updating.identify.matrix_file import RawMatrix, Repair, entry_name
+from vjm_updating.identify.matrix_file import RawMatrix, asymmetric_pairs, entry_name
 
 # --- The JSON document that ``validate identify --json`` prints; N, mm, rad; entries count from 1 -----------------
 
@@ -110,22 +110,6 @@ class BeamDocument(Row):
     not_identifiable: list[str]
 
 
-class RepairDocument(Row):
-    """A change of one entry that was tried."""
-
-    entry: str
-    written: str
-    """As the file has it."""
-    proposed: float
-    worst_misfit: float | None
-    """Of the beam that suits the changed matrix best, in half-widths; null where that is no elastic body's."""
-    form: str
-    makes_a_beam: bool
-    others_low: float | None
-    """Lowest value of a beam that meets all entries but an asymmetric pair; null where there is none."""
-    others_high: float | None
-
-
 class IdentificationDocument(Row):
     """What ``validate identify --json`` prints."""
 
@@ -143,13 +127,11 @@ class IdentificationDocument(Row):
     rounding: str
     """Where the intervals come from."""
     compliance: Matrix
-    """Symmetric; of a file, repaired where a repair is proposed."""
+    """Symmetric; of a pair that was left out, the mean."""
     uncertainty: list[list[float | None]]
     """Half the interval for which each entry stands; null where the entry was left out of the fits."""
     experiments: ExperimentsDocument | None
     references: list[ReferenceDocument]
-    repairs: list[RepairDocument]
-    """Tried changes of single entries, of a matrix that is not symmetric or no beam's."""
     beams: list[BeamDocument]
     """From the simplest form on, as far as the first that meets every entry."""
     findings: list[str]
@@ -216,45 +198,13 @@ def of_experiments(test: ExperimentsDocument, references: Sequence[ReferenceDocu
     return lines
 
 
-def of_matrix(
-    raw: RawMatrix,
-    pairs: Sequence[tuple[int, int]],
-    repairs: Sequence[RepairDocument],
-    left_out: Sequence[tuple[int, int]],
-) -> list[str]:
-    """Sentences on what is wrong with a matrix, and what would correct it."""
-    lines = []
-    for i, j in pairs:
-        both = (entry_name(i, j), entry_name(j, i))
-        lines.append(f"not symmetric: {both[0]} = {raw.texts[i][j]} but {both[1]} = {raw.texts[j][i]}")
-        tried = [one for one in repairs if one.entry in both]
-        for one in tried:
-            outcome = (
-                f"a uniform beam, {one.form}, meets every entry"
-                if one.makes_a_beam
-                else "no elastic body has that matrix"
-                if one.worst_misfit is None
-                else f"no uniform beam comes nearer than {one.worst_misfit:.1f} rounding half-widths to every entry"
-            )
-            if one is tried[0] and one.others_low is not None and one.others_high is not None:
-                span = f"{printed(one.others_low, 4)} to {printed(one.others_high, 4)}"
-                lines.append(f"the other entries alone, as a uniform beam's, put {both[0]} at {span}")
-            lines.append(f"with {one.entry} = {printed(one.proposed, 6)}: {outcome}")
-        if (i, j) in left_out:
-            lines.append(f"{both[0]} and {both[1]} are left out below: no single change of them alone decides")
-        else:
-            best = min(tried, key=lambda one: float("inf") if one.worst_misfit is None else one.worst_misfit)
-            lines.append(
-                f"misprint: {best.entry} = {best.written} is inconsistent with a beam; "
-                f"proposed: {best.entry} = {printed(best.proposed)}, as {both[both[0] == best.entry]} says"
-            )
-    if not pairs:
-        for one in repairs:
-            lines.append(
-                f"if {one.entry} = {one.written} alone is wrong, {printed(one.proposed, 4)} would let a uniform "
-                f"beam, {one.form}, meet every entry"
-            )
-    return lines
+def of_matrix(raw: RawMatrix) -> list[str]:
+    """A sentence on each pair of entries of a matrix that is not symmetric."""
+    return [
+        f"not symmetric: {entry_name(i, j)} = {raw.texts[i][j]} but {entry_name(j, i)} = {raw.texts[j][i]}: "
+        "both are left out below"
+        for i, j in asymmetric_pairs(raw)
+    ]
 
 
 def of_beams(beams: Sequence[BeamDocument]) -> list[str]:
@@ -459,21 +409,6 @@ def reference_document(name: str, reference: Array, compliance: Array, *, printe
     difference = float(np.max(np.abs(compliance - reference) / scaling(reference)))
     return ReferenceDocument(
         name=name, compliance=reference.tolist(), difference=difference, digits=digits, outside=outside
-    )
-
-
-def repair_document(raw: RawMatrix, repair: Repair, others: Range | None = None) -> RepairDocument:
-    """A tried change, and the range of its entry over the beams that meet all others."""
-    i, j = repair.entry
-    return RepairDocument(
-        entry=entry_name(i, j),
-        written=raw.texts[i][j],
-        proposed=repair.value,
-        worst_misfit=_finite(repair.worst),
-        form=repair.form.value,
-        makes_a_beam=repair.makes_a_beam,
-        others_low=None if others is None else others.low,
-        others_high=None if others is None else others.high,
     )
 
 

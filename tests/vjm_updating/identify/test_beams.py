@@ -5,7 +5,7 @@ import pytest
 
 from vjm_updating.identify.beam_fit import Form, Target, as_people_write_it, ranges, search
 from vjm_updating.identify.command import examine
-from vjm_updating.identify.matrix_file import parse_matrix, single_changes, target
+from vjm_updating.identify.matrix_file import parse_matrix, target
 from vjm_updating.identify.report import scaling
 
 from .textbook import as_text, cantilever, rotation, turned, with_rigid_arm
@@ -127,23 +127,3 @@ def test_the_nearest_beam_to_what_is_none_is_near():
         misses = np.abs((guess - C) / aim.half)[np.triu_indices(6)]
         assert np.max(misses) >= found.worst
         assert misses @ misses >= found.nearest.squares
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("row", "column", "factor"),
-    [
-        (2, 6, 0.1),
-        *(pytest.param(*one, marks=pytest.mark.slow) for one in ((3, 3, 10.0), (5, 5, 1.5), (3, 5, -1.0))),
-    ],
-)
-def test_a_single_misprint_is_found_and_corrected(row, column, factor):
-    C = cantilever(310.0, EA=6.74e6, GJ=1.07e7, EIy=2.07e8, EIz=4.31e7)
-    wrong = C.copy()
-    wrong[row - 1, column - 1] *= factor
-    wrong[column - 1, row - 1] = wrong[row - 1, column - 1]
-    raw = parse_matrix(as_text(wrong, 3), "misprint.txt")
-    changes = {one.entry: one for one in single_changes(target(raw), Form.STRAIGHT)}
-    assert (row - 1, column - 1) in changes
-    # three digits of the others are written, from which it is restored
-    assert changes[row - 1, column - 1].value == pytest.approx(C[row - 1, column - 1], rel=0.02)
