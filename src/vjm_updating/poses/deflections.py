@@ -26,7 +26,7 @@ from vjm_updating.poses.forward import (
     Frames,
     Linearised,
     PoseForward,
-    ReadingsForward,
+    SeriesForward,
     turn_between,
 )
 from vjm_updating.poses.machine import PoseMachine
@@ -146,6 +146,11 @@ class DeflectionData(PoseData):
     given: np.ndarray = field(default_factory=lambda: np.zeros((0, 6), dtype=bool))
     sigma_turn: Array = field(default_factory=lambda: np.zeros((0, 0)))
 
+    @property
+    def loaded(self) -> tuple[str, ...]:
+        """Points at which wrenches act."""
+        return self.loads
+
     def only(self, keep: np.ndarray) -> Self:
         """The readings of a mask or of indices."""
         return replace(super().only(keep), load=self.load[keep], sigma_turn=self.sigma_turn[keep])
@@ -257,7 +262,7 @@ PUSHES = numerical(1e-3)
 """Of the largest load: by what it is changed for a difference, whose error is that share squared of it."""
 
 
-class DeflectionForward:
+class DeflectionForward(SeriesForward):
     """The model of a test of deflections.
 
     Attributes:
@@ -298,18 +303,8 @@ class DeflectionForward:
         self.loaded.members = members
         self.unloaded.members = [m if m.basis is None else replace(m, basis=still) for m in members]
 
-    @property
-    def machine(self) -> PoseMachine:
-        """The machine, extended."""
-        return self.loaded.machine
-
-    @property
-    def nuisances(self) -> int:
-        """How many there are: three turns of the axes, three shifts a marker."""
-        return 3 + 3 * len(self.data.markers)
-
     def nuisance_names(self) -> list[str]:
-        """What each nuisance is, for people."""
+        """What each is: three turns of the axes, three shifts a marker."""
         return ["axes of the displacements"] * 3 + [
             f"{MARKER_PLACE} {marker}" for marker in self.data.markers for _ in range(3)
         ]
@@ -324,11 +319,7 @@ class DeflectionForward:
         return result
 
     def evaluate(self, z: Array, frames: Frames) -> Linearised:
-        """Residuals and derivatives at members ``z`` (P,), in units, and nuisances.
-
-        Raises:
-            NoConvergenceError: a reading has no equilibrium.
-        """
+        """See `ReadingsForward`."""
         k = len(self.data.markers)
         self.loaded.wrench = self._under(z)
         R, p, columns, forces = self.loaded.end_frames(z)
@@ -354,7 +345,7 @@ class DeflectionForward:
             tilt[..., :3, a], tilt[..., 3:, a] = np.cross(e, place) @ Q.T, Q[:, a]
         for j in range(k):
             F[:, j, :3, 3 + 3 * j : 6 + 3 * j] = Q @ (R[:, j] - R0[:, j])
-        torque = self.machine.tree.torques(forces - forces0)[:, self.loaded.given]
+        torque = self.loaded.machine.tree.torques(forces - forces0)[:, self.loaded.given]
         turn = rotation_vector(Q) if self._tracker.axes == "base" else np.zeros(3)
         off = np.concatenate([turn, frames.m.reshape(-1)])
         return Linearised(residual, F, J, torque, off, tilt)
@@ -393,7 +384,7 @@ class DeflectionForward:
         self.loaded.wrench = around
 
     def moved(self, frames: Frames, step: Array) -> Frames:
-        """Nuisances after a step ``(n_f,)`` in the coordinates of `Linearised.nuisance`."""
+        """See `ReadingsForward`."""
         turn, size = step[:3], float(np.linalg.norm(step[:3]))
         if size > LARGEST_TURN:
             turn = turn * (LARGEST_TURN / size)
@@ -526,6 +517,8 @@ class DeflectionStudy(SeriesStudy):
         "from here on all displacements are ({by}) mm off: the unloaded readings have changed",
     )
     turns_with_tracker: bool = False
+    not_asked = NOT_SHOWN
+    not_asked_for = "they move the loaded and the unloaded robot alike"
     sheet: DeflectionSheet
     data: DeflectionData
 
@@ -534,10 +527,10 @@ class DeflectionStudy(SeriesStudy):
         assert isinstance(data, DeflectionData)
         return DeflectionForward(machine, data, self.sheet)
 
-    def members_for(self, forward: ReadingsForward) -> list[Member]:
+    def members_for(self, forward: SeriesForward) -> list[Member]:
         """All members that a difference of two equilibria shows."""
-        plain = self.forward_of(self.machine, self.data)
-        return members_of_loads(self.machine, self.data, plain, plain.torques())
+        assert isinstance(forward, DeflectionForward)
+        return members_of_loads(self.machine, self.data, forward, forward.torques())
 
     def nuisance_prior(self) -> Array:
         """Standard deviations ``(n_f,)`` of the axes and of the markers' places."""
@@ -608,21 +601,6 @@ class DeflectionStudy(SeriesStudy):
             return self.aligned * 0.0, self.aligned
         over = state.at.residual / self.scatter(state.at)
         return self.distance(over), self.distance(state.at.residual)
-
-    @property
-    def points(self) -> tuple[str, ...]:
-        """Points of load."""
-        return self.data.loads
-
-    @property
-    def not_asked(self) -> tuple[str, ...]:
-        """Families of poses that a difference does not show."""
-        return NOT_SHOWN
-
-    @property
-    def not_asked_for(self) -> str:
-        """Why, for people."""
-        return "they move the loaded and the unloaded robot alike"
 
     def ends(self) -> dict[str, tuple[str, Array]]:
         """The markers' and loads' parts and places."""

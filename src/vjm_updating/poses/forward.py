@@ -7,9 +7,9 @@ turn where it is tracked, are nuisances: never reported as causes, refitted unde
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Protocol
 
 import numpy as np
 
@@ -69,7 +69,7 @@ class Linearised:
     tilt: Array
 
 
-class ReadingsForward(Protocol):
+class ReadingsForward(ABC):
     """The model of a test of any kind: what its readings are by a hypothesis.
 
     Attributes:
@@ -81,24 +81,26 @@ class ReadingsForward(Protocol):
     @property
     def nuisances(self) -> int:
         """How many unknowns of the instruments there are."""
+        return len(self.nuisance_names())
 
+    @abstractmethod
     def nuisance_names(self) -> list[str]:
         """What each is, for people."""
 
+    @abstractmethod
     def evaluate(self, z: Array, frames: Frames) -> Linearised:
-        """Residuals and derivatives at members ``z`` (P,), in units, and nuisances; see `PoseForward.evaluate`."""
+        """Residuals and derivatives at members ``z`` (P,), in units, and nuisances.
 
+        Raises:
+            NoConvergenceError: a posture has no equilibrium.
+        """
+
+    @abstractmethod
     def moved(self, frames: Frames, step: Array) -> Frames:
         """Nuisances after a step ``(n_f,)`` in the coordinates of `Linearised.nuisance`."""
 
-    def bearing(self) -> Array:
-        """What makes each coordinate deflect as it is read ``(g, n_tree)``, N mm or N."""
 
-    def torques(self) -> Array:
-        """Root mean square ``(n_tree,)`` of what makes each coordinate deflect as it is read."""
-
-
-class SeriesForward(ReadingsForward, Protocol):
+class SeriesForward(ReadingsForward):
     """The same of one series.
 
     Attributes:
@@ -107,11 +109,20 @@ class SeriesForward(ReadingsForward, Protocol):
 
     centre: Array
 
+    @abstractmethod
+    def bearing(self) -> Array:
+        """What makes each coordinate deflect as it is read ``(g, n_tree)``, N mm or N."""
+
+    @abstractmethod
+    def torques(self) -> Array:
+        """Size ``(n_tree,)`` over the readings of what makes each coordinate deflect as it is read."""
+
+    @abstractmethod
     def with_machine(self, machine: PoseMachine) -> SeriesForward:
         """The same test of another machine with the same members."""
 
 
-class PoseForward:
+class PoseForward(SeriesForward):
     """The model of a test of poses: a machine, its postures and the members that may be added to it."""
 
     def __init__(
@@ -144,11 +155,6 @@ class PoseForward:
         self._centre = place
 
     @property
-    def nuisances(self) -> int:
-        """How many there are: six of the tracker, three a marker, three more where it is tracked as a frame."""
-        return 6 + 3 * len(self.data.markers) + 3 * len(self.tracked)
-
-    @property
     def tracked(self) -> list[int]:
         """Markers whose orientation was tracked, or whose tilt was read."""
         turned = np.isfinite(self.data.orientation).all(axis=(2, 3))
@@ -156,7 +162,7 @@ class PoseForward:
         return [int(k) for k in np.flatnonzero(seen)]
 
     def nuisance_names(self) -> list[str]:
-        """What each nuisance is, for people."""
+        """What each is: six of the tracker, three a marker, three more where it is tracked as a frame."""
         names = [BASE_TURN] * 3 + [BASE_PLACE] * 3
         for marker in self.data.markers:
             names += [f"{MARKER_PLACE} {marker}"] * 3
@@ -185,11 +191,7 @@ class PoseForward:
         return self.machine.tree.torques(forces)[:, self.given]
 
     def evaluate(self, z: Array, frames: Frames) -> Linearised:
-        """Residuals and derivatives at members ``z`` (P,), in units, and nuisances.
-
-        Raises:
-            NoConvergenceError: a posture has no equilibrium.
-        """
+        """See `ReadingsForward`."""
         R, p, columns, forces = self.end_frames(z)
         return self._seen(z, frames, R, p, columns, forces)
 
@@ -369,7 +371,7 @@ class PoseForward:
                 F[:, j, 3 + k, own : own + 3] = np.einsum("ga,gab->gb", by_turn, axes)
 
     def moved(self, frames: Frames, step: Array) -> Frames:
-        """Nuisances after a step ``(n_f,)`` in the coordinates of `Linearised.nuisance`."""
+        """See `ReadingsForward`."""
         k = len(self.data.markers)
         turn = step[:3]
         size = float(np.linalg.norm(turn))

@@ -355,6 +355,11 @@ class PoseData:
     def __len__(self) -> int:
         return len(self.row)
 
+    @property
+    def loaded(self) -> tuple[str, ...]:
+        """Markers, where wrenches on them were measured; else none."""
+        return self.markers if self.wrench.any() else ()
+
     def only(self, keep: np.ndarray) -> Self:
         """The postures of a mask or of indices."""
         rows = {

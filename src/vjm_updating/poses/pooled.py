@@ -31,7 +31,7 @@ from vjm_updating.poses.forward import (
 )
 from vjm_updating.poses.measurement import PoseData
 from vjm_updating.poses.state import Candidates, FittedState, Folds, Hypothesis, folds_of
-from vjm_updating.poses.study import EXACT, TAIL, Ranges, SeriesStudy, Study, knowable, law_shapes
+from vjm_updating.poses.study import EXACT, TAIL, Ranges, SeriesStudy, Study, knowable, law_shape
 
 ZERO_BETWEEN = prior_scale(1.0)
 """Of their units, 1 mrad, 0.1 mm or a hundredth of the largest load: how far zeros of a series lie off those that
@@ -82,7 +82,7 @@ class GroupForward:
     markers: np.ndarray
 
 
-class PooledForward:
+class PooledForward(ReadingsForward):
     """The model of the readings of all groups."""
 
     def __init__(
@@ -90,21 +90,12 @@ class PooledForward:
     ) -> None:
         self.groups, self.members, self._markers, self._names = tuple(groups), members, markers, names
 
-    @property
-    def nuisances(self) -> int:
-        """How many unknowns of the instruments there are."""
-        return len(self._names)
-
     def nuisance_names(self) -> list[str]:
         """What each is, for people."""
         return self._names
 
     def evaluate(self, z: Array, frames: Frames) -> Linearised:
-        """Residuals and derivatives at members ``z`` (P,), in units, and nuisances.
-
-        Raises:
-            NoConvergenceError: a posture has no equilibrium.
-        """
+        """See `ReadingsForward`."""
         assert isinstance(frames, PooledFrames)
         evaluated = []
         for one, own, zeros in zip(self.groups, frames.groups, frames.zeros, strict=True):
@@ -126,7 +117,7 @@ class PooledForward:
         return Linearised(residual, F, J, torque, off, tilt)
 
     def moved(self, frames: Frames, step: Array) -> Frames:
-        """Nuisances after a step ``(n_f,)`` in the coordinates of `Linearised.nuisance`."""
+        """See `ReadingsForward`."""
         assert isinstance(frames, PooledFrames)
         groups, zeros_ = [], []
         for one, own, zeros in zip(self.groups, frames.groups, frames.zeros, strict=True):
@@ -134,20 +125,6 @@ class PooledForward:
             groups.append(one.forward.moved(own, of_frames))
             zeros_.append(zeros + of_zeros)
         return pooled_frames(groups, zeros_)
-
-    def bearing(self) -> Array:
-        """What makes each coordinate deflect as it is read ``(g, n_tree)``, N mm or N."""
-        return np.concatenate([one.forward.bearing() for one in self.groups])
-
-    def torques(self) -> Array:
-        """Root mean square over the groups ``(n_tree,)`` of what makes each coordinate deflect as it is read."""
-        return _mean_torques([one.forward for one in self.groups], [one.rows for one in self.groups])
-
-
-def _mean_torques(forwards: Sequence[ReadingsForward], rows: Sequence[slice]) -> Array:
-    squares = [(own.stop - own.start) * one.torques() ** 2 for one, own in zip(forwards, rows, strict=True)]
-    result: Array = np.sqrt(np.sum(squares, axis=0) / rows[-1].stop)
-    return result
 
 
 def _spread(columns: Array, to: np.ndarray, count: int) -> Array:
@@ -188,7 +165,8 @@ class PooledStudy(Study):
         self.series = np.array(series)
         self.anew = tuple(anew) if anew is not None else ((),) * len(groups)
         self.baseline = f"{first.baseline}, and zeros"
-        self.against, self.jump = first.against, first.jump
+        self.against, self.jump, self.points = first.against, first.jump, first.points
+        self.not_asked, self.not_asked_for = first.not_asked, first.not_asked_for
         self.turns_with_tracker = first.turns_with_tracker
         self.sheet, self.machine = first.sheet, first.machine
         self.outliers = tuple(outlier for one in groups for outlier in one.outliers)
@@ -197,14 +175,15 @@ class PooledStudy(Study):
         self.data = _joined([one.data for one in groups], self._rows, self._markers, tuple(names))
         self.of_series = np.repeat(self.series, [len(one.data) for one in groups])
         forwards = [one.forward_of(one.machine, one.data) for one in groups]
-        torque = _mean_torques(forwards, self._rows)
+        squares = [len(one.data) * own.torques() ** 2 for one, own in zip(groups, forwards, strict=True)]
+        torque: Array = np.sqrt(np.sum(squares, axis=0) / len(self.data))
         bearing = np.concatenate([one.bearing() for one in forwards])
         self.all_members = self._pooled_members()
         self.members, self.unasked = knowable(self.all_members, self.machine, self.data, torque)
         for i, one in enumerate(self.groups):
             one.members = [own for m in self.members if (own := self._own(i, m)) is not None]
         self.pooled_forwards: dict[tuple[str, ...], PooledForward] = {}
-        self._law_shapes = law_shapes(self.members, self.data, bearing)
+        self._law_shapes = [law_shape(member, self.data, bearing) for member in self.members]
         self.families = tuple(dict.fromkeys(member.family for member in self.members))
         self.folds = _folds(groups, self.data.q, self.of_series if len(set(self.series)) > 1 else None, self._rows)
         self.prior = self.nuisance_prior()
@@ -254,11 +233,6 @@ class PooledStudy(Study):
         return replace(own, name=member.name, scale=member.scale, low=member.low, high=member.high)
 
     # --- what a study is asked ------------------------------------------------------------------------------------
-
-    @property
-    def ordered(self) -> bool:
-        """Of several groups no order is asked: each was asked alone."""
-        return False
 
     def forward(self, as_deflected: tuple[str, ...] = ()) -> PooledForward:
         """The model with some couplings the other way than the model file has them."""
@@ -386,21 +360,6 @@ class PooledStudy(Study):
         q = self.data.q
         ends = list(zip(q.min(axis=0).tolist(), q.max(axis=0).tolist(), strict=True))
         return self.groups[0].drawn(rng, count, ends if within is None else within)
-
-    @property
-    def points(self) -> tuple[str, ...]:
-        """Points of load."""
-        return self.groups[0].points
-
-    @property
-    def not_asked(self) -> tuple[str, ...]:
-        """Families that the data cannot show, whatever they are."""
-        return self.groups[0].not_asked
-
-    @property
-    def not_asked_for(self) -> str:
-        """Why, for people."""
-        return self.groups[0].not_asked_for
 
     def as_modelled(self, springs: Collection[tuple[str, str]]) -> PooledStudy:
         """The same tests of the machine in which some springs have the model's compliance all the same."""

@@ -15,7 +15,7 @@ from vjm.rotations import Array, rotation_from_vector
 from vjm_updating.constants import numerical
 from vjm_updating.inference.significance import median_sigma
 from vjm_updating.poses.families import Member, members_of
-from vjm_updating.poses.forward import Frames, Linearised, PoseForward, ReadingsForward
+from vjm_updating.poses.forward import Frames, Linearised, PoseForward, SeriesForward
 from vjm_updating.poses.machine import PoseMachine
 from vjm_updating.poses.measurement import BaseGuess, PoseData, PoseSheet, ends_of
 from vjm_updating.poses.state import Candidates, FittedState
@@ -169,7 +169,7 @@ class PoseStudy(SeriesStudy):
         """The model of readings of the test, by a machine and without members."""
         return PoseForward(machine, data, self.sheet.test.gravity)
 
-    def members_for(self, forward: ReadingsForward) -> list[Member]:
+    def members_for(self, forward: SeriesForward) -> list[Member]:
         """All members that the data can show."""
         members = members_of(self.machine, self.data, forward.torques(), ordered=self.ordered)
         return [m for m in members if not (self.sheet.at_output and m.family in BEHIND_ENCODERS)]
@@ -246,11 +246,6 @@ class PoseStudy(SeriesStudy):
             for m in self.members
         ]
         return forward.evaluate(state.z, state.frames)
-
-    @property
-    def points(self) -> tuple[str, ...]:
-        """Markers, where wrenches on them were measured; else none."""
-        return self.data.markers if self.data.wrench.any() else ()
 
     def drawn(self, rng: np.random.Generator, count: int, within: Ranges | None = None) -> Candidates:
         """Postures as `postures` draws them. Where wrenches were measured, each is under one of those, or free."""

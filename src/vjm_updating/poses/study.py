@@ -56,18 +56,14 @@ EXACT = ("joint_offset", "frame_error", "gravity", "encoder_scale", "instrument_
 """Families whose laws are geometry or scales."""
 
 
-def law_shapes(members: Sequence[Member], data: PoseData, bearing: Array) -> list[Array | None]:
-    """Functions of the posture ``(g, k)`` by which the law of each member may be off; None: it is exact.
+def law_shape(member: Member, data: PoseData, bearing: Array) -> Array | None:
+    """Functions of the posture ``(g, k)`` by which the law of a member may be off; None: it is exact.
 
     Args:
-        members: of a test.
+        member: of a test.
         data: its postures.
         bearing: ``(g, n_tree)`` what each coordinate bears, N mm or N.
     """
-    return [_shapes(member, data, bearing) for member in members]
-
-
-def _shapes(member: Member, data: PoseData, bearing: Array) -> Array | None:
     if member.family in EXACT:
         return None
     if member.kind == COMPLIANCE:
@@ -96,7 +92,7 @@ def law_evidence(
 
     Args:
         blocks: readings as they are.
-        shapes: of the members, see `law_shapes`.
+        shapes: of the members, see `law_shape`.
         members: of the test.
         solution: the fit to the readings made independent.
         noise: how readings of like postures are correlated.
@@ -178,7 +174,9 @@ def knowable(
 
 def _reason(member: Member, machine: PoseMachine, data: PoseData, torque: Array) -> str:
     """Why a member cannot be known; empty where it can."""
-    if member.kind == COMPLIANCE and _moment(member, torque, machine.tree.reach) < NO_TORQUE:
+    # a sliding spring's force counts at the machine's reach
+    arm = machine.tree.reach if member.unit == "mm/N" else 1.0
+    if member.kind == COMPLIANCE and float(torque[member.index]) * arm < NO_TORQUE:
         return "its torque does not change over the postures"
     if member.family in TURNED:
         q = data.q[:, machine.joints.index(member.subject)]
@@ -199,11 +197,6 @@ def _reason(member: Member, machine: PoseMachine, data: PoseData, torque: Array)
             by = np.ptp(member.basis)
             return f"the temperature changes by {by:.2g} K, by which aluminium stretches less than the noise"
     return ""
-
-
-def _moment(member: Member, torque: Array, reach: float) -> float:
-    """Change of the torque that a spring bears, N mm; a sliding one's force at the machine's reach."""
-    return float(torque[member.index]) * (reach if member.unit == "mm/N" else 1.0)
 
 
 def worst_over_mean(q: Array) -> float:
@@ -271,6 +264,10 @@ class Study(ABC):
         folds: kinds of holding out.
         frames: first guess of the nuisances, and
         aligned: ``(g, k)`` mm, what the rigid robot misses with them.
+        ordered: whether the postures stand in the order in which they were taken.
+        points: of load.
+        not_asked: families that the data cannot show, whatever they are, and
+        not_asked_for: why, for people.
     """
 
     baseline: str = "frames only"
@@ -299,6 +296,10 @@ class Study(ABC):
     folds: Folds
     frames: Frames
     aligned: Array
+    ordered: bool = False
+    points: tuple[str, ...] = ()
+    not_asked: tuple[str, ...] = ()
+    not_asked_for: str = ""
     _law_shapes: list[Array | None]
 
     @abstractmethod
@@ -337,26 +338,6 @@ class Study(ABC):
     @abstractmethod
     def joined_up(self, values: Sequence[Array]) -> Array:
         """What each group has of its readings ``(g_i, k_i, …)`` as one array ``(g, k, …)``."""
-
-    @property
-    @abstractmethod
-    def points(self) -> tuple[str, ...]:
-        """Points of load."""
-
-    @property
-    @abstractmethod
-    def not_asked(self) -> tuple[str, ...]:
-        """Families that the data cannot show, whatever they are."""
-
-    @property
-    @abstractmethod
-    def not_asked_for(self) -> str:
-        """Why, for people."""
-
-    @property
-    @abstractmethod
-    def ordered(self) -> bool:
-        """Whether the postures stand in the order in which they were taken."""
 
     def number(self, family: str) -> int:
         """Of a family."""
@@ -537,12 +518,18 @@ class SeriesStudy(Study):
         self, sheet: RobotSheet, machine: PoseMachine, data: PoseData, outliers: tuple[Outlier, ...] = ()
     ) -> None:
         self.sheet, self.data, self.machine, self.outliers = sheet, data, machine, outliers
+        self.ordered, self.points = sheet.ordered, data.loaded
+        if sheet.at_output:
+            said = "have what bends about their axes in their coordinates"
+            self.not_asked = BEHIND_ENCODERS
+            self.not_asked_for = f"joints {sheet.meaning} (encoders = 'output') {said}"
         forward = self.forward_of(machine, data)
         self._forward: dict[tuple[str, ...], SeriesForward] = {(): forward}
         self.all_members = self.members_for(forward)
         self.members, self.unasked = knowable(self.all_members, machine, data, forward.torques())
         forward.members = self.members
-        self._law_shapes = law_shapes(self.members, data, forward.bearing())
+        bearing = forward.bearing()
+        self._law_shapes = [law_shape(member, data, bearing) for member in self.members]
         self.families = tuple(dict.fromkeys(member.family for member in self.members))
         self.folds = folds_of(data.q, self.coordinates())
         self.prior = self.nuisance_prior()
@@ -557,7 +544,7 @@ class SeriesStudy(Study):
         """The model of readings of the test, by a machine and without members."""
 
     @abstractmethod
-    def members_for(self, forward: ReadingsForward) -> list[Member]:
+    def members_for(self, forward: SeriesForward) -> list[Member]:
         """All members that the data can show."""
 
     @abstractmethod
@@ -624,27 +611,6 @@ class SeriesStudy(Study):
     def joined_up(self, values: Sequence[Array]) -> Array:
         """What the series has of its readings."""
         return values[0]
-
-    @property
-    def points(self) -> tuple[str, ...]:
-        """Points of load."""
-        return ()
-
-    @property
-    def not_asked(self) -> tuple[str, ...]:
-        """Families that the data cannot show, whatever they are."""
-        return BEHIND_ENCODERS if self.sheet.at_output else ()
-
-    @property
-    def not_asked_for(self) -> str:
-        """Why, for people."""
-        said = "have what bends about their axes in their coordinates"
-        return f"joints {self.sheet.meaning} (encoders = 'output') {said}" if self.not_asked else ""
-
-    @property
-    def ordered(self) -> bool:
-        """Whether the postures stand in the order in which they were taken."""
-        return self.sheet.ordered
 
     def forward(self, as_deflected: tuple[str, ...] = ()) -> SeriesForward:
         """The model with some couplings the other way than the model file has them."""
