@@ -71,15 +71,6 @@ class FrequencySheet(Sheet):
         return self
 
 
-def read_frequency_sheet(sheet: SheetSource) -> FrequencySheet:
-    """A sheet of frequencies from its file or its content.
-
-    Raises:
-        SheetError: no such file, no TOML, or no sheet of frequencies; one line.
-    """
-    return read_sheet_of(sheet, FrequencySheet)
-
-
 # ------------------------------------------------------------------------------------------------------------------
 
 
@@ -162,7 +153,7 @@ def read_frequencies(data: TableSource, sheet: SheetSource) -> FrequencyMeasurem
     Raises:
         ValueError: one of them or the model cannot be used; one line that says what, where and the remedy.
     """
-    page, table = read_frequency_sheet(sheet), table_of(data)
+    page, table = read_sheet_of(sheet, FrequencySheet), table_of(data)
     rows = table.row
     with table.named():
         for column in table.cells:

@@ -54,13 +54,9 @@ KILOGRAM = definition(9.81, "N")
 """N."""
 
 
-def check_units(data: DeflectionData, machine: PoseMachine) -> None:
-    """Refuse angles in degrees and displacements in metres, with the factor.
-
-    Raises:
-        ImplausibleError: they are; one line.
-    """
-    refuse([*coordinates(data, machine), *impossible_size(data, machine)])
+def units(data: DeflectionData, machine: PoseMachine) -> list[Finding]:
+    """Angles in degrees and displacements in metres, with the factor."""
+    return [*coordinates(data, machine), *impossible_size(data, machine)]
 
 
 def check_count(study: DeflectionStudy) -> None:

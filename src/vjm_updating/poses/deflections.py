@@ -16,8 +16,7 @@ from vjm.io.fields import Table, Turns, rotation
 from vjm.io.schema import Label
 from vjm.rotations import Array, rotation_from_vector, rotation_vector
 from vjm_updating.constants import numerical, physical_bound, prior_scale
-from vjm_updating.experiment.data_file import WRENCH, DataTable, SheetSource, TableSource, beyond_turn, table_of
-from vjm_updating.experiment.sheet import read_sheet_of
+from vjm_updating.experiment.data_file import WRENCH, DataTable, beyond_turn
 from vjm_updating.inference.significance import median_sigma
 from vjm_updating.poses.families import MILLIMETRE, MILLIRADIAN, Member, members_of, value_member
 from vjm_updating.poses.forward import (
@@ -44,7 +43,6 @@ from vjm_updating.poses.measurement import (
     RobotTest,
     Sigma,
     check_columns,
-    check_gravity,
     check_noise,
     columns_of,
     ends_of,
@@ -53,7 +51,7 @@ from vjm_updating.poses.measurement import (
     wrenches,
 )
 from vjm_updating.poses.state import Candidates, FittedState, Hypothesis
-from vjm_updating.poses.study import Ranges, SeriesStudy
+from vjm_updating.poses.study import SeriesStudy
 
 # --- The sheet of a test of ``kind = "deflections"``: the robot, where it is loaded, the markers, what is read ----
 
@@ -106,20 +104,6 @@ class DeflectionSheet(RobotSheet):
     markers: dict[Label, DeflectionMarker] = Field(min_length=1)
     tracker: DeflectionTracker
 
-    @model_validator(mode="after")
-    def _gravity(self) -> DeflectionSheet:
-        check_gravity(self.test.gravity)
-        return self
-
-
-def read_deflection_sheet(sheet: SheetSource) -> DeflectionSheet:
-    """A sheet of deflections from its file or its content.
-
-    Raises:
-        SheetError: no such file, no TOML, or no sheet of deflections; one line.
-    """
-    return read_sheet_of(sheet, DeflectionSheet)
-
 
 SHIFT, NOISE = ("dx_mm", "dy_mm", "dz_mm"), ("dx_std_mm", "dy_std_mm", "dz_std_mm")
 OF_MARKERS = (*SHIFT, *NOISE, *ANGLES, *ANGLES_DEG)
@@ -156,23 +140,12 @@ class DeflectionData(PoseData):
         return replace(super().only(keep), load=self.load[keep], sigma_turn=self.sigma_turn[keep])
 
 
-def read_deflections(readings: TableSource, sheet: DeflectionSheet, machine: PoseMachine) -> DeflectionData:
-    """The readings of a data file, which fit their sheet.
-
-    Args:
-        readings: the CSV file, or columns.
-        sheet: its sheet.
-        machine: of the model, whose joints' coordinates or postures the data have to give.
+def read_deflections(table: DataTable, sheet: DeflectionSheet, machine: PoseMachine) -> DeflectionData:
+    """The readings of a table, which fit their sheet and give the coordinates or postures of the model's joints.
 
     Raises:
-        DataError: they do not; one line.
+        ValueError: they do not; one line.
     """
-    table = table_of(readings)
-    with table.named():
-        return _read(table, sheet, machine)
-
-
-def _read(table: DataTable, sheet: DeflectionSheet, machine: PoseMachine) -> DeflectionData:
     rows = table.row
     owners = [Owners("load", tuple(sheet.loads), WRENCH), Owners("marker", tuple(sheet.markers), OF_MARKERS)]
     check_columns(list(table.cells), sheet, machine, tuple(COORDINATE), owners, (READING, POSTURE))
@@ -624,25 +597,20 @@ class DeflectionStudy(SeriesStudy):
         ]
         return forward.evaluate(state.z, state.frames)
 
-    def drawn(self, rng: np.random.Generator, count: int, within: Ranges | None = None) -> Candidates:
-        """Postures as `postures` draws them, each under one of the largest loads."""
-        return with_loads(self.postures(rng, count, within), self.data)
+    def under_loads(self, q: Array, rng: np.random.Generator) -> Candidates:
+        """Each posture under one load: along one axis of one point, as large as the largest that was measured."""
+        largest = np.abs(self.data.load).max(axis=0)
+        used = np.argwhere(largest > 0.0)
+        load = np.zeros((len(q), *largest.shape))
+        for i in range(len(q)):
+            point, axis = used[i % len(used)]
+            load[i, point, axis] = largest[point, axis]
+        return Candidates(q, load)
 
 
 def ends_of_test(sheet: DeflectionSheet) -> dict[str, tuple[str, Array]]:
     """Points of a test's machine, the markers first; a load may bear the name of a marker."""
     return ends_of(sheet.markers) | {f"{name}~load": end for name, end in ends_of(sheet.loads).items()}
-
-
-def with_loads(q: Array, data: DeflectionData) -> Candidates:
-    """Each posture under one load: along one axis of one point, as large as the largest that was measured there."""
-    largest = np.abs(data.load).reshape(-1, *data.load.shape[1:]).max(axis=0)
-    used = np.argwhere(largest > 0.0)
-    load = np.zeros((len(q), *data.load.shape[1:]))
-    for i in range(len(q)):
-        point, axis = used[i % len(used)]
-        load[i, point, axis] = largest[point, axis]
-    return Candidates(q, load)
 
 
 def springs_to(J: Array, y: Array, lower: Array) -> Array:

@@ -9,26 +9,19 @@ from pathlib import Path
 
 import numpy as np
 
-from vjm.io.findings import Finding
-from vjm_updating.experiment.data_file import DataError, SheetSource, TableSource, source_of_sheet
-from vjm_updating.experiment.sheet import kind_of_sheet
+from vjm.io.findings import Finding, refuse
+from vjm_updating.experiment.data_file import DataError, SheetSource, TableSource, source_of_sheet, table_of
+from vjm_updating.experiment.sheet import kind_of_sheet, read_sheet_of
 from vjm_updating.poses import deflection_plausibility as of_deflections
 from vjm_updating.poses import plausibility as of_poses
-from vjm_updating.poses.deflections import (
-    DeflectionStudy,
-    ends_of_test,
-    read_deflection_sheet,
-    read_deflections,
-    with_loads,
-)
+from vjm_updating.poses.deflections import DeflectionSheet, DeflectionStudy, ends_of_test, read_deflections
 from vjm_updating.poses.identifiability import NEXT_SEED as SEED
-from vjm_updating.poses.machine import PoseMachine
 from vjm_updating.poses.measurement import (
+    PoseSheet,
     RobotMeasurement,
     ends_of,
     model_of,
     read_candidates,
-    read_pose_sheet,
     read_poses,
 )
 from vjm_updating.poses.pooled import PooledStudy
@@ -99,51 +92,47 @@ def _named(studies: Sequence[SeriesStudy]) -> list[SeriesStudy]:
 
 
 def _poses(data: TableSource, sheet: SheetSource) -> PreparedTest:
-    page = read_pose_sheet(sheet)
-    model = model_of(page, ends_of(page.markers))
-    read = RobotMeasurement(page, read_poses(data, page, model.machine), model, "poses")
-    of_poses.check_units(read)
+    page = read_sheet_of(sheet, PoseSheet)
+    model, table = model_of(page, ends_of(page.markers)), table_of(data)
+    with table.named():
+        read = RobotMeasurement(page, read_poses(table, page, model.machine), model, "poses")
+    refuse(of_poses.units(read))
     study = PoseStudy(page, model.machine, read.data).without_outliers()
     of_poses.check_count(study)
 
-    def candidates(path: Path) -> Candidates:
-        q, load = read_candidates(path, page, study.machine, read.data.markers)
-        if load is not None and not study.points:
-            raise DataError(f"{path.name}: has wrenches, and {read.data.file} has none: leave their columns out")
-        postures = study.with_wrenches(q, np.random.default_rng(SEED)) if load is None else Candidates(q, load)
-        return within_limits(path, study.machine, postures)
+    def considered(strict: bool) -> list[Finding]:
+        return of_poses.considered(read, study, strict=strict)
 
-    return PreparedTest(read, study, lambda strict: of_poses.considered(read, study, strict=strict), candidates)
+    return PreparedTest(read, study, considered, lambda path: _candidates(path, study, read.data.markers))
 
 
 def _deflections(data: TableSource, sheet: SheetSource) -> PreparedTest:
-    page = read_deflection_sheet(sheet)
-    model = model_of(page, ends_of_test(page))
-    readings = read_deflections(data, page, model.machine)
+    page = read_sheet_of(sheet, DeflectionSheet)
+    model, table = model_of(page, ends_of_test(page)), table_of(data)
+    with table.named():
+        readings = read_deflections(table, page, model.machine)
     read = RobotMeasurement(page, readings, model, "deflections")
-    of_deflections.check_units(readings, model.machine)
-    study = DeflectionStudy(page, model.machine, readings)
-    of_deflections.check_count(study)
-    study = study.without_outliers()
+    refuse(of_deflections.units(readings, model.machine))
+    whole = DeflectionStudy(page, model.machine, readings)
+    of_deflections.check_count(whole)
+    study = whole.without_outliers()
 
-    def candidates(path: Path) -> Candidates:
-        q, load = read_candidates(path, page, study.machine, study.points)
-        postures = with_loads(q, study.data) if load is None else Candidates(q, load)
-        return within_limits(path, study.machine, postures)
+    def considered(strict: bool) -> list[Finding]:
+        return of_deflections.considered(read, study, strict=strict)
 
-    return PreparedTest(
-        read, study, lambda strict: of_deflections.considered(read, study, strict=strict), candidates
-    )
+    return PreparedTest(read, study, considered, lambda path: _candidates(path, study, study.points))
 
 
-def within_limits(path: Path, machine: PoseMachine, candidates: Candidates) -> Candidates:
-    """Candidates of a file.
+def _candidates(path: Path, study: SeriesStudy, points: tuple[str, ...]) -> Candidates:
+    """The readings of a file that could be taken, with wrenches at points.
 
     Raises:
-        DataError: a joint would be sent beyond its limits.
+        DataError: it cannot be used, or a joint would be sent beyond its limits.
     """
-    limits = machine.tree.limits
-    for number, row in enumerate(machine.rows(candidates.q), start=1):
-        if said := limits.said(row):
+    q, load = read_candidates(path, study.sheet, study.machine, points)
+    if load is not None and not study.points:
+        raise DataError(f"{path.name}: has wrenches, and {study.data.file} has none: leave their columns out")
+    for number, row in enumerate(study.machine.rows(q), start=1):
+        if said := study.machine.tree.limits.said(row):
             raise DataError(f"{path.name}: posture {number}: out of reach: {said}")
-    return candidates
+    return study.under_loads(q, np.random.default_rng(SEED)) if load is None else Candidates(q, load)

@@ -28,15 +28,13 @@ from vjm_updating.experiment.data_file import (
     WRENCH,
     DataTable,
     SheetError,
-    SheetSource,
-    TableSource,
     beyond_turn,
     converted,
     table_of,
 )
 from vjm_updating.experiment.measurement import model_document, refuse_laws
 from vjm_updating.experiment.readings import check_labels
-from vjm_updating.experiment.sheet import AnySheet, read_sheet_of
+from vjm_updating.experiment.sheet import AnySheet
 from vjm_updating.poses.machine import PoseMachine
 
 Sigma = Annotated[float, Field(gt=0.0, le=1e6)]
@@ -113,6 +111,13 @@ class RobotSheet(AnySheet):
     markers: Mapping[Label, MarkerTable]
     joints: dict[str, str] = Field({}, description="names of columns, where they differ: the model's joints")
 
+    @model_validator(mode="after")
+    def _gravity(self) -> Self:
+        size = sum(v * v for v in self.test.gravity) ** 0.5
+        if size > 100.0:
+            raise ValueError(f"[test] gravity has {size:.4g} m/s²: write it in m/s²")
+        return self
+
     @property
     def at_output(self) -> bool:
         """Whether the joints were measured behind what bends about their own axes."""
@@ -169,32 +174,11 @@ class PoseSheet(RobotSheet):
         return self
 
     @model_validator(mode="after")
-    def _gravity(self) -> PoseSheet:
-        check_gravity(self.test.gravity)
+    def _tilts(self) -> PoseSheet:
         tilted = next((name for name, table in self.markers.items() if table.orientation == "tilt"), None)
         if not any(self.test.gravity) and tilted is not None:
             raise ValueError(f"[markers.{tilted}] orientation = 'tilt' is against gravity, and [test] has none")
         return self
-
-
-def check_gravity(gravity: Sequence[float]) -> None:
-    """Refuse a gravity that is in mm/s² or the like.
-
-    Raises:
-        ValueError: it is.
-    """
-    size = sum(v * v for v in gravity) ** 0.5
-    if size > 100.0:
-        raise ValueError(f"[test] gravity has {size:.4g} m/s²: write it in m/s²")
-
-
-def read_pose_sheet(sheet: SheetSource) -> PoseSheet:
-    """A sheet of poses from its file or its content.
-
-    Raises:
-        SheetError: no such file, no TOML, or no sheet of poses; one line.
-    """
-    return read_sheet_of(sheet, PoseSheet)
 
 
 # --- Columns of the readings of a robot: by their names, and refused where they are of nothing that is known ------
@@ -218,10 +202,7 @@ def columns_of(by_name: Mapping[str, Array], names: tuple[str, ...], keys: tuple
 def numbers_by_name(table: DataTable, sheet: RobotSheet, skip: Callable[[str], bool]) -> dict[str, Array]:
     """Columns ``(g,)`` by their names, those of joints by the model's names.
 
-    Args:
-        table: as it was read.
-        sheet: which names columns that differ.
-        skip: whether a column with this key, what stands behind the name's point or the whole, is left out.
+    ``skip`` says whether a column with a key, what stands behind the name's point or the whole, is left out.
 
     Raises:
         ValueError: a cell is no number.
@@ -243,7 +224,7 @@ def check_columns(
     Args:
         header: names of the columns.
         sheet: of the test.
-        machine: of the model.
+        machine: the model's.
         keys: what stands behind a joint's name.
         owners: tables of the sheet whose names columns have.
         whole: names of columns of none of them.
@@ -377,32 +358,10 @@ class PoseData:
         return replace(self, position=position).only(read)
 
 
-def read_poses(readings: TableSource, sheet: PoseSheet, machine: PoseMachine) -> PoseData:
-    """The readings of a data file, which fit their sheet.
-
-    Args:
-        readings: the CSV file, or columns.
-        sheet: its sheet.
-        machine: of the model, whose joints' coordinates the data have to give.
-
-    Raises:
-        DataError: they do not; one line.
-    """
-    table = table_of(readings)
-    with table.named():
-        return _read(table, sheet, machine)
-
-
 def read_candidates(
     path: Path, sheet: RobotSheet, machine: PoseMachine, points: tuple[str, ...]
 ) -> tuple[Array, Array | None]:
-    """Postures ``(c, n)`` that could be measured, and wrenches ``(c, l, 6)`` there; None where the file has none.
-
-    Args:
-        path: of a CSV file with columns as in the data.
-        sheet: of the test.
-        machine: of the model.
-        points: the l points at which wrenches act.
+    """Postures ``(c, n)`` of a CSV file, and wrenches ``(c, l, 6)`` at l points; None where the file has none.
 
     Raises:
         DataError: it cannot be used; one line.
@@ -426,11 +385,6 @@ def coordinates(by_name: Mapping[str, Array], rows: np.ndarray, machine: PoseMac
     """The joints' coordinates ``(g, n)``, mm and rad.
 
     Columns of coupled joints may stand beside those of their masters, as logs have them.
-
-    Args:
-        by_name: columns, see `numbers_by_name`.
-        rows: ``(g,)`` lines of the file.
-        machine: of the model.
 
     Raises:
         ValueError: a column is missing, or one of a coupled joint is not what its masters make.
@@ -459,7 +413,12 @@ def postures(table: DataTable, by_name: Mapping[str, Array], machine: PoseMachin
     return np.array([[known[label][name] for name in machine.joints] for label in labels])
 
 
-def _read(table: DataTable, sheet: PoseSheet, machine: PoseMachine) -> PoseData:
+def read_poses(table: DataTable, sheet: PoseSheet, machine: PoseMachine) -> PoseData:
+    """The readings of a table, which fit their sheet and give the coordinates of the model's joints.
+
+    Raises:
+        ValueError: they do not; one line.
+    """
     joints, slides, rows = machine.joints, machine.slides, table.row
     owners = [Owners("marker", tuple(sheet.markers), OF_MARKERS)]
     check_columns(
@@ -637,17 +596,27 @@ def ends_of(tables: Mapping[str, Rider]) -> dict[str, tuple[str, Array]]:
 
 
 def model_of(page: RobotSheet, ends: dict[str, tuple[str, Array]]) -> SheetModel:
-    """The model that a sheet names.
-
-    Args:
-        page: the sheet; the model may lie beside it.
-        ends: points that it names, see `ends_of`.
+    """The model that a sheet names, beside it or of the library, with the points ``ends``, see `ends_of`.
 
     Raises:
         ValueError: the model cannot be used; one line.
     """
-    named = _document(page)
-    chain = build_chain(named.content, named.file, named.files)
+    near = page.folder / page.test.model
+    doubts: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+    if near.suffix not in DESCRIPTIONS:
+        source = model_document(page, page.test.model)
+        content, file, files = source.content, source.file, source.files
+    elif not near.is_file():
+        raise SheetError(f"{page.file}: [test] model: no file {near.name} beside the sheet")
+    else:
+        drives = beside(near)
+        robot = import_robot(Description(near), page.test.tip, stiffness=drives)
+        content, file, doubts = robot.document, near.name, tuple(robot.notes.doubtful)
+        files = {one.name: digest(one.read_bytes()) for one in (near, drives) if one is not None}
+        # what is said last is from where the stiffness of the drives is
+        notes = tuple(robot.notes.changed[-1:]) if drives is not None else ()
+    chain = build_chain(content, file, files)
     refuse_laws(chain, page.file)
     names = [joint.name for joint in chain.held_joints]
     for column, joint in page.joints.items():
@@ -660,30 +629,4 @@ def model_of(page: RobotSheet, ends: dict[str, tuple[str, Array]]) -> SheetModel
         machine = PoseMachine(chain, ends, rigid=page.test.rigid, at_output=page.at_output)
     except ValueError as error:
         raise SheetError(f"{page.file}: {error}") from error
-    return SheetModel(named.content, chain, machine, named.doubts, named.notes)
-
-
-@dataclass(frozen=True)
-class _Named:
-    """The document that a sheet names; its file, what it was made of, and what is to be said of it."""
-
-    content: dict[str, Any]
-    file: str
-    files: Mapping[str, str]
-    doubts: tuple[str, ...] = ()
-    notes: tuple[str, ...] = ()
-
-
-def _document(page: RobotSheet) -> _Named:
-    near = page.folder / page.test.model
-    if near.suffix not in DESCRIPTIONS:
-        source = model_document(page, page.test.model)
-        return _Named(source.content, source.file, source.files)
-    if not near.is_file():
-        raise SheetError(f"{page.file}: [test] model: no file {near.name} beside the sheet")
-    drives = beside(near)
-    robot = import_robot(Description(near), page.test.tip, stiffness=drives)
-    files = {file.name: digest(file.read_bytes()) for file in (near, drives) if file is not None}
-    # what is said last is from where the stiffness of the drives is
-    notes = tuple(robot.notes.changed[-1:]) if drives is not None else ()
-    return _Named(robot.document, near.name, files, tuple(robot.notes.doubtful), notes)
+    return SheetModel(content, chain, machine, doubts, notes)

@@ -529,15 +529,6 @@ def missed(findings: Iterable[Finding]) -> bool:
     return any(isinstance(one, RobotMisses) for one in findings)
 
 
-def check_units(measurement: RobotMeasurement) -> None:
-    """Refuse angles in degrees and lengths in metres, with the factor.
-
-    Raises:
-        ImplausibleError: they are; one line.
-    """
-    refuse(units(measurement))
-
-
 def units(measurement: RobotMeasurement) -> Iterator[Finding]:
     """Angles in degrees and lengths in another unit, with the factor; they are seen before anything is computed."""
     data, machine = measurement.data, measurement.model.machine

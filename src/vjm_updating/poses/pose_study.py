@@ -19,7 +19,7 @@ from vjm_updating.poses.forward import Frames, Linearised, PoseForward, SeriesFo
 from vjm_updating.poses.machine import PoseMachine
 from vjm_updating.poses.measurement import BaseGuess, PoseData, PoseSheet, ends_of
 from vjm_updating.poses.state import Candidates, FittedState
-from vjm_updating.poses.study import BEHIND_ENCODERS, Ranges, SeriesStudy
+from vjm_updating.poses.study import BEHIND_ENCODERS, SeriesStudy
 
 ROUNDS = numerical(50)
 SETTLED = numerical(1e-6, "mm")
@@ -247,11 +247,7 @@ class PoseStudy(SeriesStudy):
         ]
         return forward.evaluate(state.z, state.frames)
 
-    def drawn(self, rng: np.random.Generator, count: int, within: Ranges | None = None) -> Candidates:
-        """Postures as `postures` draws them. Where wrenches were measured, each is under one of those, or free."""
-        return self.with_wrenches(self.postures(rng, count, within), rng)
-
-    def with_wrenches(self, q: Array, rng: np.random.Generator) -> Candidates:
+    def under_loads(self, q: Array, rng: np.random.Generator) -> Candidates:
         """Each posture ``(c, n)`` under the wrenches of a reading drawn from the loaded ones, every third free."""
         load = np.zeros((len(q), len(self.points), 6))
         if self.points:

@@ -581,10 +581,12 @@ class SeriesStudy(Study):
     def ends(self) -> dict[str, tuple[str, Array]]:
         """Points of the machine that the test needs: part and place, ``(3,)`` mm, by name."""
 
-    def postures(self, rng: np.random.Generator, count: int, within: Ranges | None = None) -> Array:
-        """Postures ``(count, n)`` drawn within the limits of all joints, and no further than ``within``.
+    @abstractmethod
+    def under_loads(self, q: Array, rng: np.random.Generator) -> Candidates:
+        """Postures ``(c, n)``, each under a load as it was measured, or free."""
 
-        None: no further than what was measured reaches.
+    def drawn(self, rng: np.random.Generator, count: int, within: Ranges | None = None) -> Candidates:
+        """Readings drawn within the limits of all joints; see `Study`.
 
         Limits of joints that others drive are kept by drawing again; where a thousand times as many draws do not
         give enough, the measured postures that keep them stand in for the rest.
@@ -599,9 +601,9 @@ class SeriesStudy(Study):
             q = rng.uniform(low, np.maximum(high, low), (count, len(low)))
             drawn = np.concatenate([drawn, q[limits_of_all.kept(self.machine.rows(q))]])
             if len(drawn) >= count:
-                return drawn[:count]
+                return self.under_loads(drawn[:count], rng)
         measured = self.data.q[limits_of_all.kept(self.machine.rows(self.data.q))]
-        return np.concatenate([drawn, measured[: count - len(drawn)]])
+        return self.under_loads(np.concatenate([drawn, measured[: count - len(drawn)]]), rng)
 
     @property
     def groups(self) -> tuple[SeriesStudy, ...]:

@@ -182,7 +182,7 @@ def test_postures_drawn_keep_the_limits_of_a_coupled_joint(tmp_path):
     header = "lift.q_rad,target.x_mm,target.y_mm,target.z_mm\n"
     (tmp_path / "readings.csv").write_text(header + "\n".join(rows) + "\n")
     study = read_test(tmp_path / "readings.csv", sheet).study
-    lift = study.postures(np.random.default_rng(1), 200)[:, 0]
+    lift = study.drawn(np.random.default_rng(1), 200).q[:, 0]
     assert len(lift) == 200
     level = 0.1 - lift
     assert low <= level.min() < 0.9 * low

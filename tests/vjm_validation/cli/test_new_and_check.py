@@ -17,8 +17,8 @@ from vjm.rotations import displacement_between
 from vjm_updating import load_data
 from vjm_updating.experiment.data_file import source_of_sheet, toml_of
 from vjm_updating.experiment.measurement import planned_measurement
-from vjm_updating.experiment.sheet import read_sheet
-from vjm_updating.poses.measurement import read_pose_sheet
+from vjm_updating.experiment.sheet import read_sheet, read_sheet_of
+from vjm_updating.poses.measurement import PoseSheet
 from vjm_updating.simulate import PlannedRamp, planned_readings
 from vjm_validation.cli.main import run
 
@@ -150,7 +150,7 @@ def test_a_sheet_for_a_machine_has_its_postures_or_joints(name, tmp_path):
     validate("new", "sheet", file, "--for", name)
     if machine.held_joints:
         assert toml_of(source_of_sheet(file))["kind"] == "poses"
-        assert read_pose_sheet(file).test.model == name
+        assert read_sheet_of(file, PoseSheet).test.model == name
         assert all(f"{joint.name}.q_rad" in file.read_text() for joint in machine.held_joints)
     else:
         sheet = read_sheet(file)
