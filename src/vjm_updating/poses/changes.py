@@ -65,6 +65,7 @@ class ChangePoint:
     """A change.
 
     Attributes:
+        study: the series in the course of which it is.
         kind: of what changes.
         name: of the marker, the joint or the point of load; else empty.
         where: number of the first posture after it.
@@ -73,6 +74,7 @@ class ChangePoint:
         share: of the squared residual that it explains.
     """
 
+    study: SeriesStudy
     kind: ChangeKind
     name: str
     where: int
@@ -123,7 +125,7 @@ class _ChangeSearch:
     """Readings, what is fitted to them in any case, and the motions by what may change."""
 
     def __init__(self, study: SeriesStudy, state: FittedState, seen: np.ndarray) -> None:
-        self.posture = np.nonzero(seen)[0]
+        self.study, self.posture = study, np.nonzero(seen)[0]
         n, P = state.blocks.nuisances, len(study.members)
         drives = [n + i for i, m in enumerate(study.members) if m.family == DRIVES]
         changing = np.union1d(state.solution.active, np.array(drives, dtype=int))
@@ -256,7 +258,8 @@ class _ChangeSearch:
         # of the size that the likelihood gives the residual with and without it
         less = self._fit([*columns[:i], *columns[i + 1 :]]).twice_log - fit.twice_log
         share = 1.0 - float(np.exp(min(less, 0.0) / (3 * len(self.y))))
-        return ChangePoint(*self.kinds[kind][:2], where, fit.z[first : first + columns[i].shape[2]], gain, share)
+        size = fit.z[first : first + columns[i].shape[2]]
+        return ChangePoint(self.study, *self.kinds[kind][:2], where, size, gain, share)
 
     def _step(self, kind: int, where: int) -> Array:
         result: Array = self.kinds[kind][2] * (self.posture >= where)[:, None, None]
@@ -430,15 +433,7 @@ READINGS = numerical(2.0)
 """Numbers that a part has to have for each unknown of its own; of fewer it says nothing of the machine."""
 
 
-@dataclass(frozen=True)
-class FoundChange:
-    """A change, and the series in the course of which it is."""
-
-    study: SeriesStudy
-    change: ChangePoint
-
-
-def found_changes(study: Study, state: FittedState) -> list[FoundChange]:
+def found_changes(study: Study, state: FittedState) -> list[ChangePoint]:
     """Changes in the course of each series; none of a test that was cut.
 
     Args:
@@ -446,37 +441,33 @@ def found_changes(study: Study, state: FittedState) -> list[FoundChange]:
         state: its fit. A series of several is fitted alone, by the same families.
     """
     if not isinstance(study, PooledStudy):
-        return [FoundChange(one, change) for one in study.groups for change in changes(one, state)]
+        return [change for one in study.groups for change in changes(one, state)]
     series_changes = []
     for one in study.tests:
         if one.ordered:
             families = tuple(name for name in state.hypothesis.families if name in one.families)
             alone = one.settle(Hypothesis(families, state.hypothesis.as_deflected))
-            series_changes += [FoundChange(one, change) for change in changes(one, alone)]
+            series_changes += changes(one, alone)
     return series_changes
 
 
-def cut(study: Study, series_changes: Sequence[FoundChange]) -> tuple[Study, list[tuple[int, int]]]:
+def cut(study: Study, series_changes: Sequence[ChangePoint]) -> tuple[Study, list[tuple[int, int]]]:
     """The test with its series cut at the changes: a part has what changed as its own, and the rest as before.
 
-    Parts with too few readings are left out.
-
-    Args:
-        study: the test.
-        series_changes: the changes.
+    Parts with too few readings are left out. It is the same test where no part has enough.
 
     Returns:
-        The test, the same where no part has enough readings; first and last row of each part that was left out.
+        The test; first and last row of each part that was left out.
     """
     tests = study.tests if isinstance(study, PooledStudy) else study.groups
     groups, series, anew, left_out = [], [], [], []
     for number, one in enumerate(tests):
-        own = [c.change for c in series_changes if c.study is one]
+        own = [change for change in series_changes if change.study is one]
         changed: set[str] = set()
         for first, last in pairwise([0, *sorted({c.where for c in own}), len(one.data)]):
             for change in own:
                 if change.where == first:
-                    changed.update(changed_by(one, change))
+                    changed.update(changed_by(change))
             part = _part(one, first, last)
             if part is None:
                 left_out.append((int(one.data.row[first]), int(one.data.row[last - 1])))
@@ -490,8 +481,9 @@ def cut(study: Study, series_changes: Sequence[FoundChange]) -> tuple[Study, lis
     return (groups[0] if len(groups) == 1 else PooledStudy(groups, series, anew)), left_out
 
 
-def changed_by(study: SeriesStudy, change: ChangePoint) -> list[str]:
+def changed_by(change: ChangePoint) -> list[str]:
     """Names of the nuisances and zeros that a change changes, see `vjm_updating.poses.pooled.unknowns_of`."""
+    study = change.study
     zeros = [m for m in study.members if m.family in ZEROS]
     match change.kind:
         case ChangeKind.SHIFT:

@@ -76,11 +76,7 @@ def check_count(study: DeflectionStudy) -> None:
 
 
 def considered(measurement: RobotMeasurement, study: DeflectionStudy, *, strict: bool = False) -> list[Finding]:
-    """What is implausible about a test and its model, refusals first, unless it is refused for that.
-
-    Raises:
-        ImplausibleError: naming the first reason.
-    """
+    """What is implausible about a test and its model; see `judged`."""
     rules = (another_unit, outliers, few, gravity)
     findings = [*impossible_size(study.data, study.machine), *(one for rule in rules for one in rule(study))]
     data = measurement.data
@@ -98,9 +94,9 @@ class BesideSprings(Beside[DeflectionData, Array]):
     misses = "the model with springs in its joints misses the displacements"
 
     def __init__(self, study: DeflectionStudy, data: DeflectionData) -> None:
-        springs = [member for member in study.members if member.family in COMPLIANCES[:2]]
         super().__init__(data, len(data.joints))
-        self.study, self.springs = study, springs
+        self.study = study
+        self.springs = [member for member in study.members if member.family in COMPLIANCES[:2]]
         self._known: list[tuple[Array, Array, tuple[Array, Array]]] = []
 
     def changes(self, keep: np.ndarray, *, whole: bool) -> Iterator[Change[DeflectionData]]:
@@ -113,7 +109,8 @@ class BesideSprings(Beside[DeflectionData, Array]):
                 yield Change(
                     replace(data, load=load), "loads_in_unit", f"{words}: multiply the loads by {factor:g}"
                 )
-        yield from _reversed(data)
+        words = "reverse the sign of the displacements, which are unloaded minus loaded, or that of the loads,"
+        yield Change(replace(data, position=-data.position), "sign_reversed", words)
         yield from _of_axes(self.study, data)
         yield from joints_meant(self.study.machine, data)
         for change in shifted_rows(self.data, "displacements"):
@@ -231,11 +228,6 @@ def another_unit(study: DeflectionStudy) -> Iterator[Finding]:
         said_units = ", or ".join(possible_units)
         words = f"they may be in another unit ({said_units}), or the machine differs so much from its model"
         yield Finding(Grade.DOUBTFUL, study.data.file, f"{are}: {words}")
-
-
-def _reversed(data: DeflectionData) -> Iterator[Change[DeflectionData]]:
-    words = "reverse the sign of the displacements, which are unloaded minus loaded, or that of the loads,"
-    yield Change(replace(data, position=-data.position), "sign_reversed", words)
 
 
 def _of_axes(study: DeflectionStudy, data: DeflectionData) -> Iterator[Change[DeflectionData]]:

@@ -6,7 +6,7 @@ refitted but frames and zeros.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -18,8 +18,8 @@ from vjm_updating.constants import numerical, prior_scale
 from vjm_updating.experiment.data_file import SheetError
 from vjm_updating.inference.significance import FALSE_ALARMS, NORMAL_95
 from vjm_updating.poses.document import HalvesRow, MemberRow
-from vjm_updating.poses.families import DRIFT, ZEROS, Member
-from vjm_updating.poses.fit import Blocks, PoseSolution, best_of, precision_of, without
+from vjm_updating.poses.families import DRIFT, ZEROS
+from vjm_updating.poses.fit import best_of, precision_of, without
 from vjm_updating.poses.forward import ReadingsForward
 from vjm_updating.poses.machine import PoseMachine
 from vjm_updating.poses.state import BY_SERIES, MOST, Errors, FittedState
@@ -45,11 +45,12 @@ def ends_of(study: Study) -> list[np.ndarray]:
     return result
 
 
-def errors_at_ends(study: Study, blocks: Blocks, solution: PoseSolution, sigma: Array) -> Array:
+def errors_at_ends(study: Study, state: FittedState) -> Array:
     """Distances ``(g, k)`` mm of postures at ends, each predicted without its end; nan at none.
 
     A posture at several ends counts by its mean.
     """
+    blocks, solution, sigma = state.blocks, state.solution, state.sigma
     active = solution.active
     total, count = np.zeros(sigma.shape[:2]), np.zeros(sigma.shape[:2])
     for own in ends_of(study):
@@ -99,21 +100,16 @@ def worse_with(study: Study, state: FittedState, ends: Array, name: str) -> str:
     """Where a hypothesis predicts surely worse with a family than without it, in words; empty where it does not.
 
     The linear fit at the state only says whether to fit anew. There a family borrows effects of the one left out,
-    as masses do of compliances, which are gone once the fit has settled.
-
-    Args:
-        study: the test.
-        state: the hypothesis with its fit.
-        ends: ``(g, k)`` its distances at the ends, held out.
-        name: of the family.
+    as masses do of compliances, which are gone once the fit has settled. The state's distances at the ends, held
+    out, are ``ends`` (g, k).
     """
     less = state.hypothesis.minus(name)
     solution, errors = study.tried(state, less)
-    near_ends = errors_at_ends(study, study.blocks_for(state, less), solution, state.sigma)
+    near_ends = errors_at_ends(study, replace(state, blocks=study.blocks_for(state, less), solution=solution))
     if not _worse(state, ends, errors, near_ends):
         return ""
     settled = study.settle(less, state)
-    its_ends = errors_at_ends(study, settled.blocks, settled.solution, state.sigma)
+    its_ends = errors_at_ends(study, replace(settled, sigma=state.sigma))
     return _worse(state, ends, settled.errors, its_ends)
 
 
@@ -245,7 +241,9 @@ class Series:
 
     def distances(self, study: Study, state: FittedState) -> Array:
         """Distances ``(g, k)`` mm of this series' markers by the members of a state of the test."""
-        values = values_of(study, state)
+        families = state.hypothesis.families
+        pairs = zip(study.members, state.z.tolist(), strict=True)
+        values = {m.name: z * m.scale for m, z in pairs if m.family in families}
         known = self.study.all_members
         forward = self.study.forward_of(self.study.machine, self.study.data)
         # a drift is of the series in which it was seen
@@ -255,12 +253,6 @@ class Series:
         if state.hypothesis.as_deflected:
             forward = forward.with_machine(self.study.machine_of(state.hypothesis.as_deflected))
         return refitted(self.study, forward, z, zeros)[0]
-
-
-def values_of(study: Study, state: FittedState) -> Mapping[str, float]:
-    """Members of a state by name, in rad, mm and so on."""
-    pairs: list[tuple[Member, float]] = list(zip(study.members, state.z, strict=True))
-    return {m.name: float(z) * m.scale for m, z in pairs if m.family in state.hypothesis.families}
 
 
 def refitted(study: SeriesStudy, forward: ReadingsForward, z: Array, free: list[int]) -> tuple[Array, Array]:
@@ -297,11 +289,6 @@ def refitted(study: SeriesStudy, forward: ReadingsForward, z: Array, free: list[
     return study.distance(linearised.residual), study.noise(linearised)[1]
 
 
-def machine_of(study: SeriesStudy, chain: Machine) -> PoseMachine:
-    """A machine, such as that of a model file, as it stands and as a test sees it."""
-    return PoseMachine(chain, study.ends(), at_output=study.sheet.at_output)
-
-
 def by_machine(study: Study, chain: Machine | None = None, *, zeros: bool = False) -> tuple[Array, Array]:
     """Distances ``(g, k)`` mm of a test by a machine, and the weights of outliers.
 
@@ -311,7 +298,8 @@ def by_machine(study: Study, chain: Machine | None = None, *, zeros: bool = Fals
         zeros: whether zeros are fitted beside the frames.
     """
     if isinstance(study, SeriesStudy):
-        return _by_machine(study, study.machine if chain is None else machine_of(study, chain), zeros=zeros)
+        own = None if chain is None else PoseMachine(chain, study.ends(), at_output=study.sheet.at_output)
+        return _by_machine(study, own or study.machine, zeros=zeros)
     pairs = []
     for one in study.groups:
         if chain is not None and one.machine.chain.sha256 != study.machine.chain.sha256:

@@ -8,7 +8,7 @@ from __future__ import annotations
 import itertools
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -79,20 +79,6 @@ class Change(Generic[D]):
     name: str
     remedy: str
     factor: float = 1.0
-
-
-def best_change(changes: Iterable[Change[D]], left: Callable[[D], float]) -> tuple[float, str, str]:
-    """The change of data of the least residual; of those that do as well the simplest, which comes first.
-
-    Args:
-        changes: data as they may have been meant, a name, and what to do.
-        left: residual of a robot by data.
-
-    Returns:
-        The residual, the name, and what to do.
-    """
-    candidates = [(left(change.data), change.name, change.remedy) for change in changes]
-    return next(one for one in candidates if one[0] <= 1.02 * min(candidates)[0])
 
 
 def joints_meant(machine: PoseMachine, data: D) -> Iterator[Change[D]]:
@@ -313,12 +299,15 @@ def mistaken_everywhere(beside: Beside[D, F]) -> Iterator[Finding]:
     noise = NOISE_DISTANCE * float(np.median(data.sigma[..., :3][seen]))
     if not more_than_noise(base / noise, float(seen.sum())):
         return
-    error, name, remedy = best_change(beside.changes(keep, whole=True), beside.error)
+    tried = [(beside.error(change.data), change) for change in beside.changes(keep, whole=True)]
+    least = min(error for error, _ in tried)
+    # of those that do as well the simplest, which comes first
+    error, change = next(one for one in tried if one[0] <= 1.02 * least)
     # positions in a smaller unit miss by less, though they follow the machine no better: it must do so, too
     if error > beside.farthest or 2.0 * error**2 > min(base, beside.spread(data)) ** 2:
         yield from beside.unexplained(data, base)
         return
-    words = f"{name}: {beside.misses} by {base:.4g} mm; {remedy} and it is {error:.4g} mm"
+    words = f"{change.name}: {beside.misses} by {base:.4g} mm; {change.remedy} and it is {error:.4g} mm"
     if more_than_noise(error / noise, float(seen.sum())):
         words += f", still {error / noise:.1f} times what the noise makes: that is not all that is wrong"
     yield ColumnsMistaken(Grade.DOUBTFUL, data.file, words)
@@ -333,7 +322,9 @@ def mistaken_rows(beside: Beside[D, F]) -> Iterator[Finding]:
     changes = list(beside.changes(np.arange(g), whole=False))
     left = [beside.left(beside.data, rows), *(beside.left(change.data, rows) for change in changes)]
     scale = scale_of(beside.off(left[0])[rows])
-    levels = np.array([_level(one / (scale * beside.data.sigma[..., :3])) for one in left])
+    # negative logarithms of the probability of rows by Student's distribution, but for a constant
+    scaled = [(one / (scale * beside.data.sigma[..., :3])) ** 2 for one in left]
+    levels = np.array([np.nansum(0.5 * (TAIL + 1.0) * np.log1p(one / TAIL), axis=(1, 2)) for one in scaled])
     read = np.isfinite(left[0]).sum(axis=(1, 2))
     factors = np.array([1.0, *(change.factor for change in changes)])
     levels -= read * np.log(factors)[:, None]
@@ -377,12 +368,6 @@ def _samples(posture: np.ndarray, begin: int, end: int) -> int:
     return len(np.unique(inside)) if whole else end - begin
 
 
-def _level(scaled: Array) -> Array:
-    """Negative logarithms ``(g,)`` of the probability of rows by Student's distribution, but for a constant."""
-    result: Array = np.nansum(0.5 * (TAIL + 1.0) * np.log1p(scaled**2 / TAIL), axis=(1, 2))
-    return result
-
-
 def _squares(left: Array) -> float:
     """Mean square of what was read; infinite where nothing was."""
     known = left[np.isfinite(left)]
@@ -403,16 +388,7 @@ ALIKE = physical_bound((0.5, 2.0))
 
 
 def considered(measurement: RobotMeasurement, study: PoseStudy, *, strict: bool = False) -> list[Finding]:
-    """What is implausible about a test and its model, refusals first, unless it is refused for that.
-
-    Args:
-        measurement: the test.
-        study: the same, aligned.
-        strict: whether what is doubtful is refused, too.
-
-    Raises:
-        ImplausibleError: naming the first reason.
-    """
+    """What is implausible about a test and its model; see `judged`."""
     rules = (outliers, repeated, few, torques, temperature, gravity)
     # rows that were left out as outliers may be a stretch that is mistaken
     beside, known = (BesideRigid(study.machine, study.sheet, data) for data in (measurement.data, study.data))
@@ -427,10 +403,7 @@ def considered(measurement: RobotMeasurement, study: PoseStudy, *, strict: bool 
 def columns_of(beside: Beside[D, F], names: tuple[str, ...], *, named: bool) -> Iterator[Finding]:
     """Mistakes in positions or displacements, see `vjm_updating.experiment.implausible_readings`.
 
-    Args:
-        beside: what was read, beside the machine.
-        names: of its columns.
-        named: whether a mistake in all of the file is named: another order, or zero, would say it once more.
+    Where a mistake in all of the file is ``named``, another order, or zero, would say it once more.
     """
     data = beside.data
     g, labels = len(data), tuple(f"{marker}.{name}" for marker in data.markers for name in names)
@@ -445,7 +418,10 @@ def columns_of(beside: Beside[D, F], names: tuple[str, ...], *, named: bool) -> 
 
 
 class RobotMisses(Finding):
-    """The rigid robot misses, and no change of the data explains it."""
+    """The rigid robot misses, and no change of the data explains it.
+
+    What is fitted must explain it wholly to be believed.
+    """
 
 
 class BesideRigid(Beside[PoseData, Frames]):
@@ -509,7 +485,7 @@ class BesideRigid(Beside[PoseData, Frames]):
 
 
 def judged(measurement: RobotMeasurement, findings: Iterable[Finding], *, strict: bool) -> list[Finding]:
-    """Findings with those of the model file, refusals first, unless the test is refused for one.
+    """Findings with those of the model file, refusals first; ``strict`` refuses what is doubtful, too.
 
     Raises:
         ImplausibleError: naming the first reason.
@@ -522,11 +498,6 @@ def judged(measurement: RobotMeasurement, findings: Iterable[Finding], *, strict
     result = worst_first([*findings, *doubts, *of_model, *notes])
     refuse(result, strict=strict)
     return result
-
-
-def missed(findings: Iterable[Finding]) -> bool:
-    """Whether the rigid robot misses by so much that what is fitted must explain it wholly to be believed."""
-    return any(isinstance(one, RobotMisses) for one in findings)
 
 
 def units(measurement: RobotMeasurement) -> Iterator[Finding]:

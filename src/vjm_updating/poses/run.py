@@ -22,7 +22,7 @@ from vjm_updating.diagnosis.document import FindingsRow, by_hypotheses, findings
 from vjm_updating.experiment.mistakes import DIAGNOSED, TAKEN_BY_FORCE, columns_mistaken, refuse_mistaken
 from vjm_updating.inference.significance import Worth, paired_gain
 from vjm_updating.poses import document as rows
-from vjm_updating.poses.changes import FoundChange, cut, found_changes
+from vjm_updating.poses.changes import ChangePoint, cut, found_changes
 from vjm_updating.poses.document import ComparedRow, MemberRow, within_words
 from vjm_updating.poses.families import TITLES
 from vjm_updating.poses.held_out import SHARE, Series, by_machine, errors_at_ends, halves
@@ -51,7 +51,6 @@ from vjm_updating.poses.verdict import (
     missing_more,
     remainder_of,
     said_of,
-    without_drift,
 )
 from vjm_updating.poses.written import Written, as_it_stands, asked_candidates, predicted, written
 from vjm_updating.result import CALIBRATED, EXTENDED, CalibrationResult, DiagnosisResult
@@ -89,7 +88,7 @@ def worth_of(
             held.append((BY_LEVEL, state.errors.levels, model.state.errors.levels))
         if state.errors.series is not None and model.state.errors.series is not None:
             held.append((BY_SERIES, state.errors.series, model.state.errors.series))
-        held += [(ENDS, _at_ends(reference, state), _at_ends(model.study, model.state))]
+        held += [(ENDS, errors_at_ends(reference, state), errors_at_ends(model.study, model.state))]
         region, series_ = study.folds.region, study.folds.series
         # a series errs as a whole, and so does a region of it
         of_series = region if series_ is None else region + (region.max() + 1) * series_
@@ -153,10 +152,6 @@ def valid_within(study: Study) -> dict[str, tuple[float, float]]:
     return ranges
 
 
-def _at_ends(study: Study, state: FittedState) -> Array:
-    return errors_at_ends(study, state.blocks, state.solution, state.sigma)
-
-
 def _row(where: str, against: str, was: Array, now: Array, block: np.ndarray, weight: Array) -> ComparedRow | None:
     gain = paired_gain(was, now, block, weight)
     if gain is None:
@@ -174,12 +169,7 @@ def _row(where: str, against: str, was: Array, now: Array, block: np.ndarray, we
 
 
 def pose_findings(selection: Selection, verdict: PoseVerdict) -> FindingsRow:
-    """The findings in rows and words.
-
-    Args:
-        selection: of families.
-        verdict: on it.
-    """
+    """The findings in rows and words."""
     study, state = selection.study, selection.state
     probability, _ = by_hypotheses(verdict.weighed)
     missed: dict[str, float] = {}
@@ -241,16 +231,7 @@ def diagnose_poses(
     warn: Callable[[Sequence[Finding]], None] = lambda _: None,
     progress: Callable[[str], None] = lambda _: None,
 ) -> DiagnosisResult[rows.PoseDiagnosis]:  # fmt: skip
-    """Diagnose a test of poses or deflections; see `vjm_updating.diagnose`.
-
-    Args:
-        test: that was read.
-        only: families that are thought possible; all where none is given.
-        without: families that are not.
-        beside: other series of the same machine, by which the findings are judged.
-        strict: whether what is doubtful is refused.
-        warn: told what is implausible.
-        progress: told what is being done.
+    """Diagnose a test of poses or deflections; see `vjm_updating.diagnose`, whose arguments these are.
 
     Raises:
         ValueError: a name cannot be used; one line.
@@ -266,7 +247,9 @@ def diagnose_poses(
     doubtful = bool(columns_mistaken(findings))
     selection = select_families(study, [] if doubtful else names, progress, series)
     progress("changes in the course of the series")
-    stepped = [] if doubtful else found_changes(study, without_drift(selection.steps))
+    # a drift of the tracker would make up for half of a change
+    states = [step.state for step in selection.steps if "tracker_drift" not in step.state.hypothesis.families]
+    stepped = [] if doubtful else found_changes(study, states[-1])
     whole, (study, short) = study, cut(study, stepped)
     if study is not whole:
         progress("the series are cut at their changes")
@@ -281,7 +264,7 @@ def diagnose_poses(
         | {
             "beside": [one.name for one in series],
             "doubts": doubt_rows(_once([*verdict.findings, *model.refusals])),
-            "changes": _changes(verdict.changes, fitted=study is not whole),
+            "changes": _changes(stepped, fitted=study is not whole),
             "halves": verdict.halves,
         },
         verdict=verdict.kind,
@@ -310,20 +293,9 @@ def calibrate_poses(
     warn: Callable[[Sequence[Finding]], None] = lambda _: None,
     progress: Callable[[str], None] = lambda _: None,
 ) -> CalibrationResult[rows.PoseCalibration]:  # fmt: skip
-    """Calibrate a robot by a test with chosen families; see `vjm_updating.calibrate`.
+    """Calibrate a robot by a test with chosen families, else `USUAL`; see `vjm_updating.calibrate`.
 
-    Args:
-        test: that was read.
-        families: names; none: `USUAL`.
-        candidates: CSV of postures, and loads, that could be measured next, columns as in the data; None: drawn
-            within limits.
-        asked: where the file will be used: a CSV of postures, or places, see
-            `vjm_updating.poses.written.asked_candidates`.
-        beside: other series of the same machine, by which the model file is judged.
-        force: whether a model file is written that is not for use, and mistaken columns are taken.
-        strict: whether what is doubtful is refused.
-        warn: told what is implausible.
-        progress: told what is being done.
+    Its ``fit`` is ``families`` here, its ``next_tests`` ``candidates``; other arguments are the same.
 
     Raises:
         ValueError: a name cannot be used; one line.
@@ -438,14 +410,13 @@ def _weighed_down(study: Study, state: FittedState) -> list[rows.WeighedDownRow]
     return result
 
 
-def _changes(changes: Sequence[FoundChange], *, fitted: bool) -> list[rows.ChangeRow]:
+def _changes(changes: Sequence[ChangePoint], *, fitted: bool) -> list[rows.ChangeRow]:
     return [
         rows.ChangeRow.model_validate(
-            {"kind": c.kind, "name": c.name, "file": one.study.data.file, "row": int(one.study.data.row[c.where]),
+            {"kind": c.kind, "name": c.name, "file": c.study.data.file, "row": int(c.study.data.row[c.where]),
              "size": c.size.tolist(), "gain": c.gain, "share": c.share, "fitted": fitted}
         )
-        for one in changes
-        for c in [one.change]
+        for c in changes
     ]  # fmt: skip
 
 
@@ -474,17 +445,6 @@ def _fitted(
         hypothesis = hypothesis.plus(name)
     progress("fit")
     return hypothesis, first, with_needed(study, study.judged(study.settle(hypothesis, first), gears=True))
-
-
-def _series_rows(study: Study) -> list[rows.SeriesRow]:
-    """The series, and the parts that they were cut into."""
-    return [
-        rows.SeriesRow(
-            file=one.data.file, sheet=one.sheet.file, first_row=int(one.data.row[0]),
-            last_row=int(one.data.row[-1]), postures=len(one.data), markers=list(one.data.markers),
-        )
-        for one in study.groups
-    ]  # fmt: skip
 
 
 def _written(judged: FittedState, model: Written) -> rows.WrittenRow:
@@ -536,18 +496,22 @@ def _common(
         "postures": len(data),
         "different_postures": int(study.folds.posture.max()) + 1,
         "grid": list(study.folds.levels),
-        "series": _series_rows(study),
+        "series": [
+            rows.SeriesRow(
+                file=one.data.file, sheet=one.sheet.file, first_row=int(one.data.row[0]),
+                last_row=int(one.data.row[-1]), postures=len(one.data), markers=list(one.data.markers),
+            )
+            for one in study.groups
+        ],
         "markers": list(data.markers),
         "left_out": data.left_out,
         "outliers": int(np.sum(last.weight < OUTLIER)),
         "weighed_down": _weighed_down(study, last),
-        "changes": [],
         "before": _selection_row(steps[0]),
         "after": _selection_row(steps[-1]).model_copy(update={"added": "", "tried": []}),
         "families": families,
         "frames": {"base": [*map(float, frames.t), *map(float, _vector(frames.R))], **places},
         "next_postures": next_postures(study, last, candidates),
-        "doubts": [],
         "joints": measurement.sheet.meaning,
         "not_asked": list(study.not_asked),
         "not_asked_for": study.not_asked_for,
@@ -555,15 +519,13 @@ def _common(
             *study.unasked,
             *(rows.NotKnownRow(name=name, reason=UNNEEDED) for name in last.hypothesis.kept),
         ],
-        "beside": [],
-        "halves": None,
         "written": _written(last, model),
         "not_in_model": model.left_out,
         "version": VersionRow(
             package=__version__, model_sha256=measurement.model.chain.sha256, data_sha256=data.sha256
         ),
         "seconds": time.perf_counter() - begun,
-    }
+    }  # fmt: skip
     return common, model
 
 

@@ -233,8 +233,8 @@ class Selection:
 
 def step_of(study: Study, added: str, state: FittedState, series: Sequence[Series] = ()) -> Step:
     """A step with its errors at ends and beside, its moves not looked at."""
-    ends = errors_at_ends(study, state.blocks, state.solution, state.sigma)
-    return Step(added, state, (), ends, tuple(one.distances(study, state) for one in series))
+    beside = tuple(one.distances(study, state) for one in series)
+    return Step(added, state, (), errors_at_ends(study, state), beside)
 
 
 def select_families(

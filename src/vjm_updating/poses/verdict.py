@@ -18,14 +18,14 @@ from vjm_updating.constants import stated_level, tuned
 from vjm_updating.diagnosis.document import SURE, WeighedCauses, credible
 from vjm_updating.experiment.mistakes import columns_mistaken
 from vjm_updating.inference.significance import CUT, f_logsf, level, median_sigma, more_than_noise, normal_isf
-from vjm_updating.poses.changes import ChangeKind, FoundChange
+from vjm_updating.poses.changes import ChangeKind, ChangePoint
 from vjm_updating.poses.document import HalvesRow, MemberRow, PoseContrastRow, RemainderRow
 from vjm_updating.poses.families import DRIVES, WAVES
 from vjm_updating.poses.fit import NO_FAMILY, solve
 from vjm_updating.poses.held_out import as_good, halves
 from vjm_updating.poses.identifiability import estimates
-from vjm_updating.poses.plausibility import missed, weight_reversed
-from vjm_updating.poses.selection import Selection, Step
+from vjm_updating.poses.plausibility import RobotMisses, weight_reversed
+from vjm_updating.poses.selection import Selection
 from vjm_updating.poses.state import FittedState
 from vjm_updating.poses.study import Study
 
@@ -219,7 +219,6 @@ class PoseVerdict:
         members: of the families named.
         findings: what is implausible about the data, a jump of the tracker's frame among it.
         next: what to do.
-        changes: in the course of the file.
     """
 
     kind: str
@@ -232,28 +231,14 @@ class PoseVerdict:
     members: list[MemberRow]
     findings: tuple[Finding, ...]
     next: str
-    changes: tuple[FoundChange, ...]
-
-
-def without_drift(steps: Sequence[Step]) -> FittedState:
-    """The last state of a selection without a drift of the tracker, which would make up for half of a change.
-
-    Args:
-        steps: of the selection.
-    """
-    return next(step.state for step in reversed(steps) if "tracker_drift" not in step.state.hypothesis.families)
 
 
 def judge(
-    selection: Selection, findings: Sequence[Finding], changes: Sequence[FoundChange], *, fitted: bool
+    selection: Selection, findings: Sequence[Finding], changes: Sequence[ChangePoint], *, fitted: bool
 ) -> PoseVerdict:
-    """The verdict on a selection.
+    """The verdict on a selection, given what the data are, and changes in the course of the series.
 
-    Args:
-        selection: of families.
-        findings: what the data are.
-        changes: changes in the course of the series.
-        fitted: whether these were cut at the changes.
+    ``fitted`` says whether the series were cut at these.
     """
     study, steps = selection.study, selection.steps
     first, last = steps[0].state, steps[-1].state
@@ -271,7 +256,8 @@ def judge(
     causes = last.hypothesis.names
     weighed = _with_compensators(study, last, selection.weighed())
     alternatives = _alternatives(weighed, causes)
-    if doubtful or jumped is not None or (rest.significant and missed(findings)):
+    misses = any(isinstance(one, RobotMisses) for one in findings)
+    if doubtful or jumped is not None or (rest.significant and misses):
         kind = "unknown"
     elif not causes:
         kind = "unknown" if rest.significant else "none"
@@ -294,9 +280,8 @@ def judge(
         follows = "open"
     doing = NEXT["data"] if doubtful else NEXT["class" if kind == "class" else follows]
     return PoseVerdict(
-        kind, causes, alternatives, tuple(weighed), explained, rest, compared, members, tuple(said), doing,
-        tuple(changes),
-    )  # fmt: skip
+        kind, causes, alternatives, tuple(weighed), explained, rest, compared, members, tuple(said), doing
+    )
 
 
 def drifted(study: Study, compared: HalvesRow | None) -> Iterator[Finding]:
@@ -328,14 +313,9 @@ def at_bounds(study: Study, members: Sequence[MemberRow]) -> Iterator[Finding]:
         )
 
 
-def said_of(series_change: FoundChange, *, fitted: bool) -> Finding:
-    """A change in words: doubtful where it is a law's part of the residual, see `FOLLOWS`; else noted.
-
-    Args:
-        series_change: the change.
-        fitted: whether the series was cut there.
-    """
-    study, change = series_change.study, series_change.change
+def said_of(change: ChangePoint, *, fitted: bool) -> Finding:
+    """A change in words, and whether the series was cut there: doubtful where it is a law's part, see `FOLLOWS`."""
+    study = change.study
 
     def listed(values: Array) -> str:
         return ", ".join(f"{v:.3g}" for v in values)

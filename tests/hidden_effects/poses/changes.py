@@ -56,7 +56,7 @@ def seen(data: Path, sheet: Path) -> list[tuple[int, str]]:
     """Rows of the changes that are found as a calibration finds them, and their kinds."""
     study = read_test(data, sheet).study
     state = study.settle(Hypothesis(tuple(name for name in FAMILIES if name in study.families)))
-    return [(one.change.where, str(one.change.kind)) for one in found_changes(study, state)]
+    return [(one.where, str(one.kind)) for one in found_changes(study, state)]
 
 
 def run(seed: int, folder: Path, changes: int | None = None) -> tuple[list[tuple[int, str]], list[tuple[int, str]]]:

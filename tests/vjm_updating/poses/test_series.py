@@ -15,7 +15,7 @@ from hidden_effects.poses.series import scored
 
 from vjm_updating import calibrate, diagnose, load_data
 from vjm_updating.inference.significance import Worth
-from vjm_updating.poses.changes import ChangeKind, ChangePoint, FoundChange, cut
+from vjm_updating.poses.changes import ChangeKind, ChangePoint, cut
 from vjm_updating.poses.document import lines, of_asked
 from vjm_updating.poses.pooled import PooledStudy, ScatteredBlocks, between
 from vjm_updating.poses.state import Hypothesis
@@ -123,16 +123,16 @@ def test_a_series_is_cut_where_the_tracker_moved(tmp_path):
 @pytest.mark.parametrize(
     ("change", "anew"),
     [
-        (ChangePoint(ChangeKind.JOINT_ZERO, "joint-3", 30, np.array([2e-3]), 99.0, 0.5), 2),
-        (ChangePoint(ChangeKind.SHIFT, "", 30, np.ones(3), 99.0, 0.5), 3),
-        (ChangePoint(ChangeKind.FRAME, "", 30, np.ones(6), 99.0, 0.5), 6),
-        (ChangePoint(ChangeKind.MARKER, "target", 30, np.ones(3), 99.0, 0.5), 3),
+        ((ChangeKind.JOINT_ZERO, "joint-3", 30, np.array([2e-3]), 99.0, 0.5), 2),
+        ((ChangeKind.SHIFT, "", 30, np.ones(3), 99.0, 0.5), 3),
+        ((ChangeKind.FRAME, "", 30, np.ones(6), 99.0, 0.5), 6),
+        ((ChangeKind.MARKER, "target", 30, np.ones(3), 99.0, 0.5), 3),
     ],
 )
 def test_a_part_has_only_what_changed_as_its_own(tmp_path, change, anew):
     """Six of the tracker and three of the marker are one series'; a zero is each part's, off the shared one."""
     study = prepared(*made(tmp_path, 36, 70))[1]
-    parts, left_out = cut(study, [FoundChange(study, change)])
+    parts, left_out = cut(study, [ChangePoint(study, *change)])
     assert isinstance(parts, PooledStudy)
     assert not left_out
     assert parts.forward().nuisances == 9 + anew
