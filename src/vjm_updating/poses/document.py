@@ -343,33 +343,38 @@ SHOWN = shown(30)
 
 def lines(calibration: PoseCalibration) -> list[str]:
     """Lines for the terminal."""
-    result = (
-        _diagnosis(calibration)
-        if isinstance(calibration, PoseDiagnosis)
-        else [of_file(calibration.written), *_errors(calibration)]
-    )
+    diagnosis = calibration if isinstance(calibration, PoseDiagnosis) else None
+    if diagnosis:
+        result = _diagnosis(diagnosis)
+    else:
+        steps = {"before": calibration.before, "after": calibration.after}
+        result = [of_file(calibration.written), *(_errors(calibration, *step) for step in steps.items())]
     result += weighed_down(calibration)
-    result += _grid(calibration)
+    if calibration.grid:
+        random = calibration.after.random_mm
+        at_random = "" if random is None else f" ({random:.4g} mm at random)"
+        result.append(
+            f"the postures lie in a grid of {', '.join(calibration.grid)}: whole levels are held out, for at "
+            f"random each has neighbours with the same coordinates{at_random}"
+        )
     result += [f"data: {row.where}: {row.found}" for row in calibration.doubts if row.grade != Grade.NOTED]
     if calibration.not_asked:
         result.append(f"not asked, for {calibration.not_asked_for}: {', '.join(calibration.not_asked)}")
     result += _not_known(calibration)
-    if not (isinstance(calibration, PoseDiagnosis) and calibration.verdict == "unknown"):
+    if not (diagnosis and diagnosis.verdict == "unknown"):
         members = [
             m for one in calibration.families for m in one.members if m.identifiable and "compliance" in m.name
         ]
         result += [f"  {m.name} = {m.value:.4g} ({interval(m)}) {m.unit}" for m in members[:SHOWN]]
         result += _intervals_are(calibration)
     result += of_asked(calibration)
-    result += _written(calibration.written, "" if isinstance(calibration, PoseDiagnosis) else BY_FORCE)
-    for one in calibration.next_postures:
-        result.append(
-            f"next, {one.criterion}-optimal: {len(one.q)} postures make the members' standard deviations "
-            f"{one.members:.2f} of theirs, those of predictions {one.prediction:.2f}"
-        )
-    if isinstance(calibration, PoseDiagnosis):
-        result.append(f"next: {calibration.next}")
-    return result
+    result += _written(calibration.written, "" if diagnosis else BY_FORCE)
+    result += [
+        f"next, {one.criterion}-optimal: {len(one.q)} postures make the members' standard deviations "
+        f"{one.members:.2f} of theirs, those of predictions {one.prediction:.2f}"
+        for one in calibration.next_postures
+    ]
+    return [*result, f"next: {diagnosis.next}"] if diagnosis else result
 
 
 def interval(row: MemberRow) -> str:
@@ -439,15 +444,9 @@ def of_asked(calibration: PoseCalibration) -> list[str]:
     ]
 
 
-def _errors(calibration: PoseCalibration) -> list[str]:
-    return [
-        ", ".join([f"{name}: {row.fitted_mm:.4g} mm fitted", *_held_out(row), *_beside(calibration, row)])
-        for name, row in (("before", calibration.before), ("after", calibration.after))
-    ]
-
-
-def _beside(calibration: PoseCalibration, row: SelectionRow) -> list[str]:
-    return [f"{mm:.4g} on {name}" for name, mm in zip(calibration.beside, row.beside_mm, strict=True)]
+def _errors(calibration: PoseCalibration, name: str, row: SelectionRow) -> str:
+    beside = [f"{mm:.4g} on {series}" for series, mm in zip(calibration.beside, row.beside_mm, strict=True)]
+    return ", ".join([f"{name}: {row.fitted_mm:.4g} mm fitted", *_held_out(row), *beside])
 
 
 def _held_out(row: SelectionRow) -> list[str]:
@@ -488,20 +487,6 @@ def within_words(ranges: Mapping[str, Sequence[float]]) -> list[str]:
         return []
     each = ", ".join(f"{name} {low:.3g} to {high:.3g}" for name, (low, high) in ranges.items())
     return [f"valid within (rad, mm): {each}; beyond nothing was measured, and no held-out end tells of it"]
-
-
-def _grid(calibration: PoseCalibration) -> list[str]:
-    """What is said where postures lie in a pattern."""
-    if not calibration.grid:
-        return []
-    at_random = (
-        f" ({calibration.after.random_mm:.4g} mm at random)" if calibration.after.random_mm is not None else ""
-    )
-    return [
-        f"the postures lie in a grid of {', '.join(calibration.grid)}: whole levels are held out, "
-        f"for at random each has "
-        f"neighbours with the same coordinates{at_random}"
-    ]
 
 
 def _diagnosis(diagnosis: PoseDiagnosis) -> list[str]:

@@ -53,14 +53,9 @@ def calibrated_document(
     measurement: RobotMeasurement, study: Study, state: FittedState, members: Sequence[MemberRow],
     kept: Collection[str],
 ) -> tuple[dict[str, Any], list[str]]:  # fmt: skip
-    """The model document, and what was found that a model file cannot hold.
+    """The model document of a fit with its estimates, and what was found that a model file cannot hold.
 
-    Args:
-        measurement: the test.
-        study: the same, aligned.
-        state: the fit.
-        members: its estimates.
-        kept: members that keep the model's own value: what the data do not learn.
+    Members that are ``kept`` have the model's own value: what the data do not learn.
     """
     document = copy.deepcopy(measurement.model.document)
     # what an earlier calibration said of its own numbers
@@ -79,8 +74,16 @@ def calibrated_document(
     # compliances of members that were asked are as judged, also where their family was not added
     judged = {m.name for m in study.members if m.kind not in (VALUE, MASS)}.difference(kept)
     joints = {joint.name: joint for joint in measurement.model.chain.moving if joint.held}
-    parts: list[dict[str, Any]] = [_base(axis, value) for axis, value in _of_base(corrections)]
-    for axis, _ in _of_base(corrections):
+    base = {axis: corrections.get(f"base_compliance.base.{axis}", 0.0) for axis in "xyz"}
+    base = {axis: value for axis, value in base.items() if value > SMALLEST}
+    parts: list[dict[str, Any]] = [
+        {
+            "kind": "actuated", "name": f"base-turn-{axis}", "axis": axis, "compliance_rad_per_Nmm": value,
+            "source": f"{CALIBRATED}the base deflects; its coordinate is always zero",
+        }
+        for axis, value in base.items()
+    ]  # fmt: skip
+    for axis in base:
         for posture in document.get("postures", {}).values():
             if isinstance(posture, dict):
                 posture[f"base-turn-{axis}"] = 0.0
@@ -121,28 +124,9 @@ def calibrated_document(
 
 def elastic(table: dict[str, Any]) -> bool:
     """Whether a part deflects."""
-    keys = (
-        "compliance_rad_per_Nmm",
-        "compliance_mm_per_N",
-        "compliance",
-        "stiffness_Nmm_per_rad",
-        "stiffness_N_per_mm",
-    )
-    return (
-        table["kind"] == "beam" or any(table.get(key) for key in keys) or any(table.get("lateral_rad_per_Nmm", ()))
-    )
-
-
-def _of_base(corrections: dict[str, float]) -> list[tuple[str, float]]:
-    pairs = [(axis, corrections.get(f"base_compliance.base.{axis}", 0.0)) for axis in "xyz"]
-    return [(axis, value) for axis, value in pairs if value > SMALLEST]
-
-
-def _base(axis: str, compliance: float) -> dict[str, Any]:
-    return {
-        "kind": "actuated", "name": f"base-turn-{axis}", "axis": axis, "compliance_rad_per_Nmm": compliance,
-        "source": f"{CALIBRATED}the base deflects; its coordinate is always zero",
-    }  # fmt: skip
+    lateral, turns, shifts = "lateral_rad_per_Nmm", "compliance_rad_per_Nmm", "compliance_mm_per_N"
+    keys = (turns, shifts, "compliance", "stiffness_Nmm_per_rad", "stiffness_N_per_mm")
+    return table["kind"] == "beam" or any(table.get(key) for key in keys) or any(table.get(lateral, ()))
 
 
 def _frame_link(name: str, axis: Array, corrections: dict[str, float], *, slides: bool) -> dict[str, Any] | None:
@@ -248,14 +232,7 @@ def written(
     state: FittedState,
     members: Sequence[MemberRow],
 ) -> Written:
-    """The model file of a hypothesis.
-
-    Args:
-        measurement: the test.
-        study: the same, aligned.
-        first: the fit of the frames alone.
-        state: the fit, and
-        members: its estimates.
+    """The model file of a hypothesis, by its fit and its estimates; ``first`` is the fit of the frames alone.
 
     Raises:
         vjm.errors.NoConvergenceError: the file's model has no equilibrium in a posture.
@@ -267,7 +244,8 @@ def written(
         members = estimates(study, state)
     kept = _kept(study, state, members)
     file_study, fitted, at_bound = _within_bounds(study, state, kept)
-    state, support = supported(file_study, between(file_study, fitted)[0], _missed(first))
+    missed = float(np.sqrt(_missed2(first)))
+    state, support = supported(file_study, between(file_study, fitted)[0], missed)
     rows = estimates(file_study, state)
     document, left_out = calibrated_document(measurement, file_study, state, rows, kept)
     if not any(elastic(table) for table in document["parts"]):
@@ -276,7 +254,7 @@ def written(
         )
         kept |= {name for name, _ in _springs(study)}
         file_study, fitted = _as_in_file(study, fitted, kept)
-        state, support = supported(file_study, between(file_study, fitted)[0], _missed(first))
+        state, support = supported(file_study, between(file_study, fitted)[0], missed)
         rows = estimates(file_study, state)
         document, _ = calibrated_document(measurement, file_study, state, rows, kept)
     text = toml_text(document)
@@ -293,30 +271,22 @@ def written(
         support = replace(support, row=support.row.model_copy(update={"unsupported": unsupported}))
     return Written(
         text, urdf_text(chain), mjcf_text(chain), chain, values, file_study, fitted, state, without, left_out,
-        error,
-        refusals, tuple(at_bound), support,
+        error, refusals, tuple(at_bound), support,
     )  # fmt: skip
 
 
 def as_it_stands(study: Study, first: FittedState) -> tuple[Study, FittedState]:
-    """The test of the model as its file has it, and the fit of the frames alone.
-
-    Args:
-        study: the test, in which the sheet may set the model's compliances aside.
-        first: the fit of the frames alone, there.
-    """
+    """The test of the model as its file has it, with no compliance set aside, and the fit of the frames alone."""
     springs = dict(_springs(study))
     if not study.sheet.test.rigid or not any(springs.values()):
         return study, first
     return _as_in_file(study, first, set(springs))
 
 
-def _missed(state: FittedState) -> float:
-    """Root mean square of what a fit misses where regions were held out, mm."""
+def _missed2(state: FittedState) -> float:
+    """Mean square of what a fit misses where regions were held out, mm²; infinite where nothing was."""
     seen = np.isfinite(state.errors.region)
-    if not seen.any():
-        return np.inf
-    return float(np.sqrt(np.average(state.errors.region[seen] ** 2, weights=state.weight[seen])))
+    return float(np.average(state.errors.region[seen] ** 2, weights=state.weight[seen])) if seen.any() else np.inf
 
 
 def _within_bounds(study: Study, state: FittedState, kept: set[str]) -> tuple[Study, FittedState, list[str]]:
@@ -442,7 +412,7 @@ def asked_candidates(test: PreparedTest, study: Study, asked: str | Path) -> Ask
     """Postures of which a prediction is wanted.
 
     Args:
-        test: that was read.
+        test: that was read, and
         study: as it was fitted.
         asked: a CSV file of postures; or places of the end in the base's axes, mm, as ``x=400,y=0:200,z=300``, a
             range as its two ends.
@@ -512,11 +482,7 @@ def predicted(
 ) -> AskedForRow:
     """Errors in postures with and without the file.
 
-    Args:
-        study: as it was fitted.
-        model: the file.
-        wanted: the postures.
-        within: measured ranges of joints that reach much further, rad or mm, by name.
+    ``within`` has measured ranges of joints that reach much further, rad or mm, by name.
 
     Raises:
         vjm.errors.NoConvergenceError: a posture has no equilibrium.
@@ -529,7 +495,9 @@ def predicted(
     # the first marker, which rides where the tool is
     J = J[:, 0]
     change, off = J @ state.solution.z[active[n:]], _off(file_study, model)
-    lack = _lack(file_study, model)
+    # what the model lacks: what regions that were held out missed, less the noise
+    missed2, noise2 = _missed2(state), 3.0 * float(np.nanmedian(file_study.data.sigma**2))
+    lack = float(np.sqrt(max(missed2 - noise2, 0.0))) if missed2 < np.inf else 0.0
     rng = np.random.default_rng(SEED)
     error = np.einsum("gap,dp->dga", J, off) + lack / np.sqrt(3.0) * rng.standard_normal((DRAWS, len(asked), 3))
     without = np.linalg.norm(error + change, axis=2)
@@ -576,17 +544,6 @@ def _off(study: Study, model: Written) -> Array:
         place = int(u) - n
         off[:, k] += rng.permutation(scatter.draws(study.members[place].family, place, len(off)))
     return off
-
-
-def _lack(study: Study, model: Written) -> float:
-    """Root mean square that the model lacks, mm: what regions that were held out missed, less the noise."""
-    errors, weight = model.state.errors.region, model.state.weight
-    seen = np.isfinite(errors)
-    if not seen.any():
-        return 0.0
-    missed2 = float(np.average(errors[seen] ** 2, weights=weight[seen]))
-    noise2 = 3.0 * float(np.nanmedian(study.data.sigma**2))
-    return float(np.sqrt(max(missed2 - noise2, 0.0)))
 
 
 def _inside(value: float, ends: tuple[float, float], *, turns: bool) -> bool:
