@@ -436,9 +436,7 @@ READINGS = numerical(2.0)
 def found_changes(study: Study, state: FittedState) -> list[ChangePoint]:
     """Changes in the course of each series; none of a test that was cut.
 
-    Args:
-        study: the test.
-        state: its fit. A series of several is fitted alone, by the same families.
+    A series of several is fitted alone, by the families of the state.
     """
     if not isinstance(study, PooledStudy):
         return [change for one in study.groups for change in changes(one, state)]

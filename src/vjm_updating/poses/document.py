@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Literal, assert_never
+from typing import Literal
 
 from pydantic import Field
 
@@ -380,31 +380,22 @@ def lines(calibration: PoseCalibration) -> list[str]:
 def interval(row: MemberRow) -> str:
     """The 95 % interval in words: both ends, or the one that it has."""
     low, high = row.interval95
-    match row.one_sided:
-        case "":
-            return f"{low:.3g} to {high:.3g}"
-        case "at most":
-            return f"at most {high:.3g}"
-        case "at least":
-            return f"at least {low:.3g}"
-        case _:
-            assert_never(row.one_sided)
+    two_ends = f"{low:.3g} to {high:.3g}"
+    return {"": two_ends, "at most": f"at most {high:.3g}", "at least": f"at least {low:.3g}"}[row.one_sided]
+
+
+WORDS = {
+    None: "nothing can be held out", Worth.BETTER: "better there", Worth.ALIKE: "no better", Worth.WORSE: "worse"
+}  # fmt: skip
+"""Of what a model file is worth."""
 
 
 def of_file(row: WrittenRow) -> str:
     """The verdict of a calibration's model file, in a line."""
     done = "" if not row.refused else ": written by force" if row.forced else ": not written"
-    match row.verdict:
-        case None:
-            worth = "nothing can be held out"
-        case Worth.BETTER:
-            worth = "better there, but no machine is so" if row.refused else "better there"
-        case Worth.ALIKE:
-            worth = "no better"
-        case Worth.WORSE:
-            worth = "worse"
-        case _:
-            assert_never(row.verdict)
+    worth = WORDS[row.verdict]
+    if row.verdict is Worth.BETTER and row.refused:
+        worth += ", but no machine is so"
     return f"the model file, where postures were held out: {worth}{done}"
 
 
@@ -445,17 +436,17 @@ def of_asked(calibration: PoseCalibration) -> list[str]:
 
 
 def _errors(calibration: PoseCalibration, name: str, row: SelectionRow) -> str:
-    beside = [f"{mm:.4g} on {series}" for series, mm in zip(calibration.beside, row.beside_mm, strict=True)]
-    return ", ".join([f"{name}: {row.fitted_mm:.4g} mm fitted", *_held_out(row), *beside])
-
-
-def _held_out(row: SelectionRow) -> list[str]:
-    ends = [] if row.ends_mm is None else [f"{row.ends_mm:.4g} at the ends"]
-    ends = ends if row.series_mm is None else [f"{row.series_mm:.4g} {BY_SERIES}", *ends]
+    held = [f"{name}: {row.fitted_mm:.4g} mm fitted"]
     if row.random_mm is None or row.region_mm is None:
-        return [NOT_HELD_OUT, *ends]
-    between = f"{row.random_mm:.4g} {AT_RANDOM}" if row.level_mm is None else f"{row.level_mm:.4g} {BY_LEVEL}"
-    return [between, f"{row.region_mm:.4g} held out by region", *ends]
+        held.append(NOT_HELD_OUT)
+    else:
+        level, random = row.level_mm, row.random_mm
+        held.append(f"{random:.4g} {AT_RANDOM}" if level is None else f"{level:.4g} {BY_LEVEL}")
+        held.append(f"{row.region_mm:.4g} held out by region")
+    held += [] if row.series_mm is None else [f"{row.series_mm:.4g} {BY_SERIES}"]
+    held += [] if row.ends_mm is None else [f"{row.ends_mm:.4g} at the ends"]
+    held += [f"{mm:.4g} on {series}" for series, mm in zip(calibration.beside, row.beside_mm, strict=True)]
+    return ", ".join(held)
 
 
 def weighed_down(calibration: PoseCalibration) -> list[str]:

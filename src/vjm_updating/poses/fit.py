@@ -140,13 +140,13 @@ def blocks_of(
         J: ``(g, k, 6, P)`` derivatives.
         sigma: ``(g, k, 6)`` standard deviations, robust weights in them.
         folds: kinds of holding out, each ``(g,)``.
-        nuisances: n_f.
-        prior: ``(n_f,)``.
-        family: ``(P,)``.
-        lower: ``(P,)``.
-        largest: by number of the family.
-        upper: ``(P,)``; None: there are none.
-        least: see `Blocks`.
+        nuisances: as all that follows, see `Blocks`.
+        prior: of these.
+        family: of the unknowns.
+        lower: of these.
+        largest: sizes.
+        upper: of the unknowns; None: there are none.
+        least: variance.
     """
     present = np.isfinite(residual)
     y = residual[present] / sigma[present]
@@ -174,13 +174,7 @@ def blocks_of(
 
 
 def solve(blocks: Blocks, families: Sequence[int], start: dict[int, float] | None = None) -> PoseSolution:
-    """The fit of some families with their sizes by the evidence.
-
-    Args:
-        blocks: the normal equations.
-        families: numbers of the families in the hypothesis.
-        start: sizes to begin with.
-    """
+    """The fit of some families, by their numbers, with their sizes by the evidence, from those of ``start`` on."""
     active = np.flatnonzero((blocks.family < 0) | np.isin(blocks.family, list(families)))
     N, b, family = blocks.N[np.ix_(active, active)], blocks.b[active], blocks.family[active]
     bounds = blocks.lower[active], blocks.upper[active]
@@ -281,21 +275,11 @@ def best_of(blocks: Blocks, solution: PoseSolution, N: Array, b: Array) -> Array
     return mode(A, b / solution.noise**2 * scale, low, high)[0] * scale
 
 
-def without(blocks: Blocks, solution: PoseSolution, rows: np.ndarray) -> Array:
-    """Members and nuisances ``(p,)`` of the active unknowns fitted without some of the readings.
+def without(blocks: Blocks, solution: PoseSolution, rows: np.ndarray, N: Array, b: Array) -> Array:
+    """Members and nuisances ``(p,)`` of the active unknowns fitted without the readings ``(rows,)`` held out.
 
-    The sizes are those of all readings.
-
-    Args:
-        blocks: of all readings.
-        solution: the fit of all.
-        rows: ``(rows,)`` what is held out.
+    N ``(P, P)`` and b ``(P,)`` are the normal equations without these. The sizes are those of all readings.
     """
-    return _without(blocks, solution, *blocks.less(rows), rows)
-
-
-def _without(blocks: Blocks, solution: PoseSolution, N: Array, b: Array, rows: np.ndarray) -> Array:
-    """The same by normal equations ``(P, P)`` and ``(P,)`` without the readings ``(rows,)`` that are held out."""
     active, n = solution.active, blocks.nuisances
     z = best_of(blocks, solution, N[np.ix_(active, active)], b[active])
     own = np.flatnonzero(np.diag(N)[:n] < blocks.refit * np.diag(blocks.N)[:n])
@@ -318,7 +302,7 @@ def held_out(blocks: Blocks, solution: PoseSolution, way: int) -> Array:
     result = np.full(len(blocks.y), np.nan)
     for k, (N, b) in enumerate(blocks.parts[way]):
         rows = fold[blocks.posture] == k
-        z = _without(blocks, solution, blocks.N - N, blocks.b - b, rows)
+        z = without(blocks, solution, rows, blocks.N - N, blocks.b - b)
         result[rows] = blocks.y[rows] - blocks.J[rows][:, active] @ z
     return result
 
@@ -383,12 +367,9 @@ class PostureNoise:
 
 
 def noise_of(blocks: Blocks, solution: PoseSolution, place: Array) -> PostureNoise:
-    """The noise that the residuals of a fit show.
+    """The noise that the residuals of a fit to independent readings show.
 
-    Args:
-        blocks: of independent readings.
-        solution: the fit.
-        place: ``(g, n)`` coordinates of the postures, rad, see `places`.
+    ``place`` (g, n) has the coordinates of the postures in rad, see `places`.
     """
     residual = blocks.y - blocks.J[:, solution.active] @ solution.z[solution.active]
     groups = [(rows, place[blocks.posture[rows[0]]]) for rows in _alike(blocks)]
@@ -402,8 +383,7 @@ def noise_of(blocks: Blocks, solution: PoseSolution, place: Array) -> PostureNoi
 def likeliest(groups: Sequence[tuple[Array, Array]]) -> tuple[float, float]:
     """Share and reach of the correlation of like postures; a share of zero where none is seen.
 
-    Args:
-        groups: of channels that were read in the same postures the residuals ``(c, m)`` and the places ``(m, n)``.
+    The groups are of channels that were read in the same postures: residuals ``(c, m)`` and places ``(m, n)``.
     """
     best, share, reach = 0.0, 0.0, REACHES[0]
     for tried in REACHES:
@@ -431,12 +411,7 @@ def gear_waves(blocks: Blocks, solution: PoseSolution, columns: Array) -> Array 
 
     A gear errs by many waves a turn, which are the same wherever a joint takes the same angle, whatever the others
     do. Waves of all joints are taken to be of one standard deviation: that of the largest likelihood, the unknowns
-    fitted beside them.
-
-    Args:
-        blocks: of independent readings.
-        solution: the fit.
-        columns: ``(rows, w)`` what waves of one milliradian do to the whitened readings.
+    fitted beside them. ``columns`` (rows, w) has what waves of one milliradian do to the whitened readings.
     """
     J, noise = blocks.J[:, solution.active], solution.noise
     left = (blocks.y - J @ solution.z[solution.active]) / noise
@@ -454,12 +429,7 @@ def gear_waves(blocks: Blocks, solution: PoseSolution, columns: Array) -> Array 
 
 
 def places(q: Array, turning: np.ndarray) -> Array:
-    """Postures ``(g, n)`` in rad: of those coordinates that do not turn ``(n,)`` a metre is one.
-
-    Args:
-        q: coordinates ``(g, n)``, rad and mm.
-        turning: which of them turn ``(n,)``.
-    """
+    """Postures ``(g, n)`` in rad; of coordinates that do not turn, by a mask ``(n,)``, a metre is one."""
     return np.where(turning, q, q / METRE)
 
 

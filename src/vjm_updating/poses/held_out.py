@@ -15,7 +15,6 @@ from scipy.special import gammaincc
 from vjm.model.machine import Machine
 from vjm.rotations import Array
 from vjm_updating.constants import numerical, prior_scale
-from vjm_updating.experiment.data_file import SheetError
 from vjm_updating.inference.significance import FALSE_ALARMS, NORMAL_95
 from vjm_updating.poses.document import HalvesRow, MemberRow
 from vjm_updating.poses.families import DRIFT, ZEROS
@@ -23,7 +22,7 @@ from vjm_updating.poses.fit import best_of, precision_of, without
 from vjm_updating.poses.forward import ReadingsForward
 from vjm_updating.poses.machine import PoseMachine
 from vjm_updating.poses.state import BY_SERIES, MOST, Errors, FittedState
-from vjm_updating.poses.study import SeriesStudy, Study
+from vjm_updating.poses.study import SeriesStudy, Study, check_same_machine
 
 SHARE = numerical(0.2)
 """Of the postures, that an end has."""
@@ -56,7 +55,7 @@ def errors_at_ends(study: Study, state: FittedState) -> Array:
     for own in ends_of(study):
         rows = own[blocks.posture]
         whitened = np.full(len(blocks.y), np.nan)
-        z = without(blocks, solution, rows)
+        z = without(blocks, solution, rows, *blocks.less(rows))
         whitened[rows] = blocks.y[rows] - blocks.J[rows][:, active] @ z
         distance = study.distance(study.unwhitened(whitened, sigma))
         seen = np.isfinite(distance)
@@ -176,10 +175,6 @@ def chance(square: float, squares: Sequence[float]) -> float:
 
     A mean square of normal numbers that are not independent is nearly distributed as chi² of the mean and the
     variance that it has (Satterthwaite, Biometrics Bulletin 2, 110, 1946).
-
-    Args:
-        square: mean square of the differences of two halves.
-        squares: the same of random halves.
     """
     mean, variance = float(np.mean(squares)), max(float(np.var(squares, ddof=1)), 1e-300)
     return float(gammaincc(mean**2 / variance, square * mean / variance))
@@ -218,26 +213,13 @@ class Series:
     """
 
     def __init__(self, study: SeriesStudy, of: Study) -> None:
-        """Prepare a series.
-
-        Args:
-            study: the other series.
-            of: the test whose findings are judged.
+        """Prepare a series; ``of`` is the test whose findings are judged.
 
         Raises:
             SheetError: it is of another machine.
         """
         self.name, self.sigma, self.study = study.data.file, study.data.sigma, study
-        if study.data.joints != of.data.joints:
-            raise SheetError(
-                f"{study.sheet.file}: --beside takes series of the same machine: its joints are "
-                f"{', '.join(study.data.joints)}, those of {of.sheet.file} are {', '.join(of.data.joints)}"
-            )
-        if study.machine.springs != of.machine.springs:
-            raise SheetError(
-                f"{study.sheet.file}: --beside takes series of the same machine: its model, or 'rigid', is another "
-                f"than that of {of.sheet.file}"
-            )
+        check_same_machine(study, of, "--beside takes series")
 
     def distances(self, study: Study, state: FittedState) -> Array:
         """Distances ``(g, k)`` mm of this series' markers by the members of a state of the test."""
@@ -294,7 +276,7 @@ def by_machine(study: Study, chain: Machine | None = None, *, zeros: bool = Fals
 
     Args:
         study: the test.
-        chain: of the test's joints, such as that of a model file; None: the test's own, extended.
+        chain: the machine of a model file; None: the test's own, extended.
         zeros: whether zeros are fitted beside the frames.
     """
     if isinstance(study, SeriesStudy):

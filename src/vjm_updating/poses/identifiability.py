@@ -56,13 +56,7 @@ class Marginal:
     draws: Array
 
     def of_new_series(self, place: int, deviation: Array, bounds: tuple[float, float]) -> tuple[float, float]:
-        """Ends of the 95 % interval of an unknown in a new series.
-
-        Args:
-            place: of the unknown.
-            deviation: ``(d,)`` draws of what it is off there.
-            bounds: least and largest value.
-        """
+        """Ends of the 95 % interval of an unknown in a new series, by draws ``(d,)`` of what it is off there."""
         if not deviation.any():
             return float(self.low[place]), float(self.high[place])
         drawn = np.clip(self.draws[:, place] + deviation, *bounds)
@@ -75,12 +69,7 @@ class Marginal:
 def marginals(blocks: Blocks, solution: PoseSolution, noise: PostureNoise) -> Marginal:
     """The marginals of a fit, nuisances first.
 
-    The fit takes readings as independent. What it errs by counts their correlation.
-
-    Args:
-        blocks: normal equations.
-        solution: the fit.
-        noise: how readings of like postures are correlated.
+    The fit takes readings as independent. What it errs by counts their correlation, the noise.
     """
     active, noise2 = solution.active, solution.noise**2
     precision = precision_of(blocks, blocks.family[active], solution.sizes)
@@ -295,12 +284,7 @@ def effects(study: Study, state: FittedState, drawn: Candidates) -> Array:
 
 
 def _errors(state: FittedState, J: Array) -> Array:
-    """Predicted errors ``(c,)`` mm by fits without one region each.
-
-    Args:
-        state: the fit.
-        J: ``(c, k, 3, p)`` motions of the markers by its members.
-    """
+    """Predicted errors ``(c,)`` mm by fits without one region each; J ``(c, k, 3, p)`` are the members' motions."""
     blocks, active = state.blocks, state.solution.active
     z = np.array(
         [
@@ -330,24 +314,16 @@ def next_postures(study: Study, state: FittedState, listed: Candidates | None = 
         linearised = study.at_candidates(state, possible)
     except NoConvergenceError:
         return []
-    J = np.concatenate([linearised.nuisance, linearised.member], axis=3).reshape(
-        len(possible), -1, len(state.blocks.b)
-    )
+    J = np.concatenate([linearised.nuisance, linearised.member], axis=3)
     active = state.solution.active
-    sigma = _sigma(state)
-    rows = J[..., active] / sigma[None, :, None]
-    rows = np.nan_to_num(rows)
+    # of one reading
+    sigma = np.nanmedian(state.sigma, axis=0)
+    sigma = np.where(np.isfinite(state.at.residual).any(axis=0), sigma, np.inf).reshape(-1, 1)
+    rows = np.nan_to_num(J.reshape(len(possible), len(sigma), -1)[..., active] / sigma)
     keep = np.linspace(0, len(study.data) - 1, min(SAMPLE, len(study.data))).astype(int)
     seen = np.concatenate([state.at.nuisance, state.at.member], axis=3)[keep][..., :3, :]
     view = seen.reshape(-1, seen.shape[-1])[:, active]
     return [_chosen(study, criterion, state, rows, view, possible) for criterion in CRITERIA]
-
-
-def _sigma(state: FittedState) -> Array:
-    """Standard deviation ``(6 k,)`` of one reading."""
-    sigma: Array = np.nanmedian(state.sigma, axis=0).reshape(-1)
-    present = np.isfinite(state.at.residual).any(axis=0).reshape(-1)
-    return np.where(present, sigma, np.inf)
 
 
 def _chosen(

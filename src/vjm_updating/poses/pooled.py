@@ -16,7 +16,6 @@ from scipy.linalg import cho_factor, cho_solve
 from vjm.io.provenance import digest
 from vjm.rotations import Array
 from vjm_updating.constants import numerical, prior_scale
-from vjm_updating.experiment.data_file import SheetError
 from vjm_updating.poses.families import COMPLIANCE, DRIFT, ZEROS, Member
 from vjm_updating.poses.fit import Blocks, scaled, solve
 from vjm_updating.poses.forward import (
@@ -31,7 +30,16 @@ from vjm_updating.poses.forward import (
 )
 from vjm_updating.poses.measurement import PoseData
 from vjm_updating.poses.state import Candidates, FittedState, Folds, Hypothesis, folds_of
-from vjm_updating.poses.study import EXACT, TAIL, Ranges, SeriesStudy, Study, knowable, law_shape
+from vjm_updating.poses.study import (
+    EXACT,
+    TAIL,
+    Ranges,
+    SeriesStudy,
+    Study,
+    check_same_machine,
+    knowable,
+    law_shape,
+)
 
 ZERO_BETWEEN = prior_scale(1.0)
 """Of their units, 1 mrad, 0.1 mm or a hundredth of the largest load: how far zeros of a series lie off those that
@@ -160,7 +168,7 @@ class PooledStudy(Study):
         """
         first = groups[0]
         for other in groups[1:]:
-            _check_same_machine(first, other)
+            check_same_machine(other, first, "several series are", alike=True)
         self.tests, self._groups = tuple(groups), tuple(copy(one) for one in groups)
         self.series = np.array(series)
         self.anew = tuple(anew) if anew is not None else ((),) * len(groups)
@@ -382,20 +390,6 @@ def unknowns_of(forward: ReadingsForward, zeros: Sequence[Member]) -> list[tuple
     return [(name, names[:i].count(name)) for i, name in enumerate(names)]
 
 
-def _check_same_machine(first: SeriesStudy, other: SeriesStudy) -> None:
-    """Refuse a series of another machine."""
-    if other.data.joints != first.data.joints:
-        raise SheetError(
-            f"{other.sheet.file}: several series are of the same machine: its joints are "
-            f"{', '.join(other.data.joints)}, those of {first.sheet.file} are {', '.join(first.data.joints)}"
-        )
-    if other.machine.springs != first.machine.springs or type(other) is not type(first):
-        raise SheetError(
-            f"{other.sheet.file}: several series are of the same machine and kind of test: its kind, its model, or "
-            f"'rigid', is another than that of {first.sheet.file}"
-        )
-
-
 def _places(groups: Sequence[SeriesStudy]) -> tuple[list[slice], list[np.ndarray]]:
     """Rows and markers of each group among all."""
     names = list(dict.fromkeys(name for one in groups for name in one.data.markers))
@@ -481,13 +475,7 @@ class Scatter:
     reach: Array
 
     def draws(self, family: str, place: int, count: int) -> Array:
-        """Deviations ``(count,)`` of a member in a new series, in its units.
-
-        Args:
-            family: of the member, and
-            place: its number.
-            count: how many.
-        """
+        """Deviations ``(count,)`` of a member in a new series, in its units, by its family and its number."""
         if family not in self.chance:
             return np.zeros(count)
         rng = np.random.default_rng(SEED)
@@ -571,12 +559,7 @@ class ScatteredBlocks(Blocks):
 
 
 def between(study: Study, state: FittedState) -> tuple[FittedState, Scatter]:
-    """The fit with the deviations of series integrated out, and their scatter.
-
-    Args:
-        study: the test. Of one series the fit stays.
-        state: its fit.
-    """
+    """The fit with the deviations of series integrated out, and their scatter. Of one series the fit stays."""
     families, n = state.hypothesis.families, state.blocks.nuisances
     reach = _reach(study, state)
     if isinstance(state.blocks, ScatteredBlocks):

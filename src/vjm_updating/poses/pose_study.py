@@ -42,14 +42,7 @@ def _fitted(R: Array, p: Array, position: Array, whole: np.ndarray, prior: Array
     """The tracker's frame and the markers' places by Gauss and Newton's steps; see `align`.
 
     They begin at Kabsch's frame. In a small region the places and the frame do nearly the same, and finding one of
-    them after the other would take thousands of rounds.
-
-    Args:
-        R: ``(g, k, 3, 3)`` and
-        p: ``(g, k, 3)`` end frames in the base.
-        position: ``(g, k, 3)`` as tracked.
-        whole: ``(g, k)`` which positions were seen.
-        prior: ``(k,)`` mm, how well the markers' places are known.
+    them after the other would take thousands of rounds. ``whole`` (g, k) says which positions were seen.
 
     Returns:
         Q ``(3, 3)``, t ``(3,)``, m ``(k, 3)``.
@@ -90,13 +83,8 @@ def with_tilts(frames: Frames, R: Array, tilt: Array, gravity: Sequence[float]) 
     """Frames with those of the inclinometers on their bodies, from what they read on a rigid robot.
 
     Each axis m of an instrument reads ``asin(u · R m)``: linear least squares for its direction, both made
-    perpendicular. One that was read in too few directions stays as the sheet's marker is.
-
-    Args:
-        frames: of all markers.
-        R: ``(g, k, 3, 3)`` end frames in the base.
-        tilt: ``(g, k, 2)`` rad, nan where not read.
-        gravity: ``(3,)``.
+    perpendicular. One that was read in too few directions stays as the sheet's marker is. The end frames R
+    ``(g, k, 3, 3)`` are in the base's axes, as gravity; tilts ``(g, k, 2)`` are in rad, nan where not read.
     """
     if not np.isfinite(tilt).any():
         return frames

@@ -68,14 +68,9 @@ def worth_of(
 ) -> list[ComparedRow]:
     """The file against the model that is not calibrated, by region, at the ends, and on each other series.
 
-    A reading counts by the larger of the weights that both give it: what only one of them misses is no outlier.
-
-    Args:
-        study: the test.
-        first: its fit of the frames alone.
-        model: the file.
-        chain: the model as it stands.
-        series: others of the machine; only frames and zeros are fitted there.
+    A reading counts by the larger of the weights that both give it: what only one of them misses is no outlier. Of
+    the study ``first`` is the fit of the frames alone, ``chain`` the model as it stands. On other series only frames
+    and zeros are fitted.
     """
     on = [(one, by_machine(one.study, model.chain, zeros=True)) for one in series]
     rows = []

@@ -243,14 +243,7 @@ def select_families(
     progress: Callable[[str], None] = lambda _: None,
     series: Sequence[Series] = (),
 ) -> Selection:
-    """The selection of a test.
-
-    Args:
-        study: the test.
-        names: families and couplings that are thought possible; None: all.
-        progress: told what is being done.
-        series: other series of the same machine.
-    """
+    """The selection of a test among named families and couplings, of all where none is given; see `Selection`."""
     possible = [*study.families, *couplings(study)] if names is None else list(names)
     return Selection(study, possible, progress, series).run()
 

@@ -20,6 +20,7 @@ from vjm.errors import NoConvergenceError
 from vjm.model.machine import Machine
 from vjm.rotations import Array
 from vjm_updating.constants import numerical, physical_bound, prior_scale, shown, stated_level
+from vjm_updating.experiment.data_file import SheetError
 from vjm_updating.inference.model_error import integrated, principal
 from vjm_updating.inference.significance import FALSE_ALARMS, LAW_ERROR, too_many
 from vjm_updating.poses.document import NotKnownRow
@@ -90,13 +91,8 @@ def law_evidence(
 ) -> float:  # fmt: skip
     """What the discrepancy of its families adds to the logarithm of a fit's evidence.
 
-    Args:
-        blocks: readings as they are.
-        shapes: of the members, see `law_shape`.
-        members: of the test.
-        solution: the fit to the readings made independent.
-        noise: how readings of like postures are correlated.
-        whitened: the readings made independent.
+    ``blocks`` are the readings as they are, ``whitened`` made independent by the noise, and the solution the fit to
+    these. The shapes are those of the members, see `law_shape`.
     """
     n = blocks.nuisances
     groups: dict[tuple[str, int], list[int]] = {}
@@ -154,11 +150,7 @@ def knowable(
 ) -> tuple[list[Member], tuple[NotKnownRow, ...]]:
     """The members that the data can know, and the others with the reason.
 
-    Args:
-        members: all.
-        machine: the robot.
-        data: its postures.
-        torque: ``(n_tree,)`` standard deviation over the postures of what each coordinate bears, N mm or N.
+    ``torque`` (n_tree,) has the standard deviation over the postures of what each coordinate bears, N mm or N.
     """
     reasons = [_reason(member, machine, data, torque) for member in members]
     asked = [member for member, reason in zip(members, reasons, strict=True) if not reason]
@@ -200,11 +192,7 @@ def _reason(member: Member, machine: PoseMachine, data: PoseData, torque: Array)
 
 
 def worst_over_mean(q: Array) -> float:
-    """Variance of a constant with a sine and a cosine at the worst angle of the turn over its mean at angles q.
-
-    Args:
-        q: ``(g,)`` rad.
-    """
+    """Variance of a constant with a sine and a cosine at the worst angle of a turn over its mean at angles, rad."""
     A, turn = (_wave(x) for x in (q, np.linspace(-np.pi, np.pi, 361)))
     M = A.T @ A / len(q)
     if np.linalg.cond(M) > 1e12:
@@ -326,8 +314,7 @@ class Study(ABC):
     def as_modelled(self, springs: Collection[tuple[str, str]]) -> Study:
         """The same test of the machine in which some springs of joints have the model's compliance all the same.
 
-        Args:
-            springs: joint and label of each, see `vjm_updating.poses.machine.SPRINGS`.
+        Of each spring the joint and the label are given, see `vjm_updating.poses.machine.SPRINGS`.
         """
 
     @property
@@ -388,9 +375,7 @@ class Study(ABC):
     def judged(self, state: FittedState, *, gears: bool = False) -> FittedState:
         """The same fit with the correlation of readings that its residuals show: of like postures, and by gears.
 
-        Args:
-            state: the fit.
-            gears: whether errors of gears, which are the same at the same angle, are counted.
+        Errors of gears are the same at the same angle.
         """
         turning = np.array([name in self.machine.turning for name in self.data.joints])
         noise = noise_of(state.blocks, state.solution, places(self.data.q, turning))
@@ -658,6 +643,25 @@ def outlying(misfit: Array) -> np.ndarray:
     count = int(np.isfinite(misfit).sum())
     F = float(fdtri(3.0, TAIL, 0.5)) * (misfit / np.nanmedian(misfit)) ** 2
     return np.asarray(fdtrc(3.0, TAIL, F) < FALSE_ALARMS / count)
+
+
+def check_same_machine(other: SeriesStudy, first: Study, words: str, *, alike: bool = False) -> None:
+    """Refuse a series of another machine than the first one's, or, where they must be alike, of another kind.
+
+    Raises:
+        SheetError: it is; one line, in which the words say what is taken.
+    """
+    if other.data.joints != first.data.joints:
+        raise SheetError(
+            f"{other.sheet.file}: {words} of the same machine: its joints are {', '.join(other.data.joints)}, "
+            f"those of {first.sheet.file} are {', '.join(first.data.joints)}"
+        )
+    if other.machine.springs != first.machine.springs or (alike and type(other) is not type(first)):
+        both, kind = (" and kind of test", "its kind, ") if alike else ("", "")
+        raise SheetError(
+            f"{other.sheet.file}: {words} of the same machine{both}: {kind}its model, or 'rigid', is another than "
+            f"that of {first.sheet.file}"
+        )
 
 
 def couplings(study: Study) -> Sequence[str]:

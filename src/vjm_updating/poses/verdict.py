@@ -357,13 +357,9 @@ def missing_more(first: FittedState, last: FittedState) -> bool:
 def remainder_of(
     study: Study, state: FittedState, asked: Sequence[PoseContrastRow], jumped: Finding | None
 ) -> RemainderRow:
-    """The residual of a fit: whether it is more than noise, and what it follows.
+    """The residual of a fit: whether it is more than noise, and which of the contrasts asked it follows.
 
-    Args:
-        study: of the test.
-        state: the fit.
-        asked: what it may follow, see `vjm_updating.poses.verdict`.
-        jumped: a change in the course of the file, where one is found.
+    ``jumped`` is a change in the course of the file, where one is found.
     """
     scaled = np.abs(state.at.residual[..., :3] / study.data.sigma)[np.isfinite(study.data.position)]
     used = state.blocks.nuisances + sum(state.solution.effective.values())
