@@ -6,7 +6,7 @@ refitted but frames and zeros.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -21,6 +21,7 @@ from vjm_updating.poses.families import DRIFT, ZEROS
 from vjm_updating.poses.fit import best_of, precision_of, without
 from vjm_updating.poses.forward import ReadingsForward
 from vjm_updating.poses.machine import PoseMachine
+from vjm_updating.poses.pooled import PooledStudy
 from vjm_updating.poses.state import BY_SERIES, MOST, Errors, FittedState
 from vjm_updating.poses.study import SeriesStudy, Study, check_same_machine
 
@@ -203,38 +204,31 @@ ZERO = prior_scale(10.0)
 beforehand."""
 
 
-class Series:
-    """Another series of the machine, ready to be predicted.
+def series_beside(tests: Iterable[Study], of: Study) -> list[SeriesStudy]:
+    """Other series of the machine of a test.
 
-    Attributes:
-        name: file of its readings.
-        sigma: ``(g, k, 3)`` mm, standard deviations of its positions.
-        study: its test.
+    Raises:
+        SheetError: one is of another machine.
     """
+    series = [one for test in tests for one in test.groups]
+    for one in series:
+        check_same_machine(one, of, "--beside takes series")
+    return series
 
-    def __init__(self, study: SeriesStudy, of: Study) -> None:
-        """Prepare a series; ``of`` is the test whose findings are judged.
 
-        Raises:
-            SheetError: it is of another machine.
-        """
-        self.name, self.sigma, self.study = study.data.file, study.data.sigma, study
-        check_same_machine(study, of, "--beside takes series")
-
-    def distances(self, study: Study, state: FittedState) -> Array:
-        """Distances ``(g, k)`` mm of this series' markers by the members of a state of the test."""
-        families = state.hypothesis.families
-        pairs = zip(study.members, state.z.tolist(), strict=True)
-        values = {m.name: z * m.scale for m, z in pairs if m.family in families}
-        known = self.study.all_members
-        forward = self.study.forward_of(self.study.machine, self.study.data)
-        # a drift is of the series in which it was seen
-        forward.members = [m for m in known if m.kind != DRIFT and (m.name in values or m.family in ZEROS)]
-        z = np.array([values.get(m.name, 0.0) / m.scale for m in forward.members])
-        zeros = [i for i, m in enumerate(forward.members) if m.family in ZEROS]
-        if state.hypothesis.as_deflected:
-            forward = forward.with_machine(self.study.machine_of(state.hypothesis.as_deflected))
-        return refitted(self.study, forward, z, zeros)[0]
+def distances_of(one: SeriesStudy, study: Study, state: FittedState) -> Array:
+    """Distances ``(g, k)`` mm of another series' markers by the members of a state of the test."""
+    families = state.hypothesis.families
+    pairs = zip(study.members, state.z.tolist(), strict=True)
+    values = {m.name: z * m.scale for m, z in pairs if m.family in families}
+    forward = one.forward_of(one.machine, one.data)
+    # a drift is of the series in which it was seen
+    forward.members = [m for m in one.all_members if m.kind != DRIFT and (m.name in values or m.family in ZEROS)]
+    z = np.array([values.get(m.name, 0.0) / m.scale for m in forward.members])
+    zeros = [i for i, m in enumerate(forward.members) if m.family in ZEROS]
+    if state.hypothesis.as_deflected:
+        forward = forward.with_machine(one.machine_of(state.hypothesis.as_deflected))
+    return refitted(one, forward, z, zeros)[0]
 
 
 def refitted(study: SeriesStudy, forward: ReadingsForward, z: Array, free: list[int]) -> tuple[Array, Array]:
@@ -279,21 +273,19 @@ def by_machine(study: Study, chain: Machine | None = None, *, zeros: bool = Fals
         chain: the machine of a model file; None: the test's own, extended.
         zeros: whether zeros are fitted beside the frames.
     """
-    if isinstance(study, SeriesStudy):
-        own = None if chain is None else PoseMachine(chain, study.ends(), at_output=study.sheet.at_output)
-        return _by_machine(study, own or study.machine, zeros=zeros)
-    pairs = []
-    for one in study.groups:
-        if chain is not None and one.machine.chain.sha256 != study.machine.chain.sha256:
-            # the file is of the first one's model: another load, or another base, is not in it
-            pairs.append((np.full(one.aligned.shape, np.nan), np.ones(one.aligned.shape)))
-        else:
-            pairs.append(by_machine(one, chain, zeros=True))
-    return study.joined_up([one[0] for one in pairs]), study.joined_up([one[1] for one in pairs])
-
-
-def _by_machine(study: SeriesStudy, machine: PoseMachine, *, zeros: bool) -> tuple[Array, Array]:
-    data = study.data
+    if isinstance(study, PooledStudy):
+        pairs = []
+        for one in study.groups:
+            if chain is not None and one.machine.chain.sha256 != study.machine.chain.sha256:
+                # the file is of the first one's model: another load, or another base, is not in it
+                pairs.append((np.full(one.aligned.shape, np.nan), np.ones(one.aligned.shape)))
+            else:
+                pairs.append(by_machine(one, chain, zeros=True))
+        return study.joined_up([one[0] for one in pairs]), study.joined_up([one[1] for one in pairs])
+    assert isinstance(study, SeriesStudy)
+    machine, data = study.machine, study.data
+    if chain is not None:
+        machine = PoseMachine(chain, study.ends(), at_output=study.sheet.at_output)
     # joints that the file has more are of the base, whose coordinates are zero
     q = np.zeros((len(data), len(machine.joints)))
     for i, name in enumerate(machine.joints):

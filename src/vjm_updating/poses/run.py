@@ -25,7 +25,7 @@ from vjm_updating.poses import document as rows
 from vjm_updating.poses.changes import ChangePoint, cut, found_changes
 from vjm_updating.poses.document import ComparedRow, MemberRow, within_words
 from vjm_updating.poses.families import TITLES
-from vjm_updating.poses.held_out import SHARE, Series, by_machine, errors_at_ends, halves
+from vjm_updating.poses.held_out import SHARE, by_machine, errors_at_ends, halves, series_beside
 from vjm_updating.poses.identifiability import TURN, RangeSupport, estimates, next_postures
 from vjm_updating.poses.kinds import PreparedTest
 from vjm_updating.poses.measurement import RobotMeasurement, RobotSheet
@@ -39,7 +39,7 @@ from vjm_updating.poses.state import (
     Hypothesis,
     mean_distance,
 )
-from vjm_updating.poses.study import OUTLIER, Study, couplings
+from vjm_updating.poses.study import OUTLIER, SeriesStudy, Study, couplings
 from vjm_updating.poses.verdict import (
     NEXT,
     PoseVerdict,
@@ -64,15 +64,15 @@ NOTHING_HELD_OUT = "nothing can be held out: all readings are of one posture"
 
 
 def worth_of(
-    study: Study, first: FittedState, model: Written, chain: Machine, series: Sequence[Series]
+    study: Study, first: FittedState, model: Written, chain: Machine, series: Sequence[SeriesStudy]
 ) -> list[ComparedRow]:
     """The file against the model that is not calibrated, by region, at the ends, and on each other series.
 
     A reading counts by the larger of the weights that both give it: what only one of them misses is no outlier. Of
-    the study ``first`` is the fit of the frames alone, ``chain`` the model as it stands. On other series only frames
-    and zeros are fitted.
+    the study ``first`` is the fit of the frames alone, ``chain`` the model as it stands. On other series only the
+    frames and zeros are fitted.
     """
-    on = [(one, by_machine(one.study, model.chain, zeros=True)) for one in series]
+    on = [(one, by_machine(one, model.chain, zeros=True)) for one in series]
     rows = []
     for against, (reference, state) in ((SHEETS, (study, first)), (OWN, as_it_stands(study, first))):
         if against == OWN and reference is study:
@@ -92,9 +92,9 @@ def worth_of(
             for where, was, now in held
         ]
         for one, (now, of_file) in on:
-            was, of_model = by_machine(one.study, None if against == SHEETS else chain, zeros=True)
+            was, of_model = by_machine(one, None if against == SHEETS else chain, zeros=True)
             weight = np.maximum(of_model, of_file)
-            rows.append(_row(f"{ON}{one.name}", against, was, now, one.study.folds.region, weight))
+            rows.append(_row(f"{ON}{one.data.file}", against, was, now, one.folds.region, weight))
     return [row for row in rows if row is not None]
 
 
@@ -236,7 +236,7 @@ def diagnose_poses(
     measurement, study = test.measurement, test.study
     names = _chosen(study, only, without)
     findings = test.considered(strict)
-    series = [Series(one, study) for other in beside for one in other.study.groups]
+    series = series_beside([other.study for other in beside], study)
     warn(findings)
     # what is fitted to columns that are not what they say means nothing
     doubtful = bool(columns_mistaken(findings))
@@ -257,7 +257,7 @@ def diagnose_poses(
     diagnosis = rows.PoseDiagnosis(
         **common
         | {
-            "beside": [one.name for one in series],
+            "beside": [one.data.file for one in series],
             "doubts": doubt_rows(_once([*verdict.findings, *model.refusals])),
             "changes": _changes(stepped, fitted=study is not whole),
             "halves": verdict.halves,
@@ -302,7 +302,7 @@ def calibrate_poses(
     findings = test.considered(strict)
     if not force:
         refuse_mistaken(findings, DIAGNOSED, TAKEN_BY_FORCE)
-    series = [Series(one, study) for other in beside for one in other.study.groups]
+    series = series_beside([other.study for other in beside], study)
     warn(findings)
     hypothesis, first, last = _fitted(study, chosen, progress)
     progress("changes in the course of the series")
@@ -336,11 +336,11 @@ def calibrate_poses(
     calibration = rows.PoseCalibration(
         **common
         | {
-            "beside": [one.name for one in series],
+            "beside": [one.data.file for one in series],
             "doubts": doubt_rows(_once(said)),
             "changes": _changes(stepped, fitted=fitted),
             "halves": compared,
-            "asked_for": None if wanted is None else predicted(study, model, wanted, within),
+            "asked_for": None if wanted is None else predicted(study, model, *wanted, within),
             "written": _written(last, model).model_copy(update=said_of_file),
         }
     )

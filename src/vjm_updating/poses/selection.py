@@ -21,9 +21,9 @@ from vjm_updating.constants import numerical
 from vjm_updating.diagnosis.document import SURE, WeighedCauses
 from vjm_updating.inference.significance import RARER
 from vjm_updating.poses.families import DRIVES
-from vjm_updating.poses.held_out import Series, errors_at_ends, saved, worse_with
+from vjm_updating.poses.held_out import distances_of, errors_at_ends, saved, worse_with
 from vjm_updating.poses.state import FittedState, Hypothesis
-from vjm_updating.poses.study import Study, couplings
+from vjm_updating.poses.study import SeriesStudy, Study, couplings
 
 MOST_STEPS = numerical(16)
 AGAIN = numerical(2)
@@ -80,7 +80,7 @@ class Selection:
     study: Study
     possible: Sequence[str]
     told: Callable[[str], None] = lambda _: None
-    series: Sequence[Series] = ()
+    series: Sequence[SeriesStudy] = ()
     steps: list[Step] = field(default_factory=list, init=False)
     refused: dict[str, str] = field(default_factory=dict, init=False)
 
@@ -217,7 +217,7 @@ class Selection:
     def _gain_beside(self, less: FittedState) -> float:
         """Share of the other series' distances that the last state saves of another one's; none without series."""
         pairs = zip(self.series, self.steps[-1].beside, strict=True)
-        gains = [saved(one.distances(self.study, less), own) for one, own in pairs]
+        gains = [saved(distances_of(one, self.study, less), own) for one, own in pairs]
         return float(np.mean(gains)) if gains else 0.0
 
     def _add(self, added: str, state: FittedState) -> None:
@@ -231,9 +231,9 @@ class Selection:
         self.steps[-1] = replace(self.steps[-1], moves=last.moves)
 
 
-def step_of(study: Study, added: str, state: FittedState, series: Sequence[Series] = ()) -> Step:
+def step_of(study: Study, added: str, state: FittedState, series: Sequence[SeriesStudy] = ()) -> Step:
     """A step with its errors at ends and beside, its moves not looked at."""
-    beside = tuple(one.distances(study, state) for one in series)
+    beside = tuple(distances_of(one, study, state) for one in series)
     return Step(added, state, (), errors_at_ends(study, state), beside)
 
 
@@ -241,7 +241,7 @@ def select_families(
     study: Study,
     names: Sequence[str] | None = None,
     progress: Callable[[str], None] = lambda _: None,
-    series: Sequence[Series] = (),
+    series: Sequence[SeriesStudy] = (),
 ) -> Selection:
     """The selection of a test among named families and couplings, of all where none is given; see `Selection`."""
     possible = [*study.families, *couplings(study)] if names is None else list(names)

@@ -322,10 +322,6 @@ class Study(ABC):
     def groups(self) -> tuple[SeriesStudy, ...]:
         """Series with frames and zeros of their own, of which the test is made."""
 
-    @abstractmethod
-    def joined_up(self, values: Sequence[Array]) -> Array:
-        """What each group has of its readings ``(g_i, k_i, …)`` as one array ``(g, k, …)``."""
-
     def number(self, family: str) -> int:
         """Of a family."""
         return self.families.index(family)
@@ -594,10 +590,6 @@ class SeriesStudy(Study):
     def groups(self) -> tuple[SeriesStudy, ...]:
         """The series itself."""
         return (self,)
-
-    def joined_up(self, values: Sequence[Array]) -> Array:
-        """What the series has of its readings."""
-        return values[0]
 
     def forward(self, as_deflected: tuple[str, ...] = ()) -> SeriesForward:
         """The model with some couplings the other way than the model file has them."""

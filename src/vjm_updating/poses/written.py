@@ -395,34 +395,18 @@ MOST = stated_level(0.95)
 """Share of errors that lie below what is said to be the largest."""
 
 
-@dataclass(frozen=True)
-class AskedPostures:
-    """Postures of which a prediction is wanted.
+def asked_candidates(test: PreparedTest, study: Study, asked: str | Path) -> tuple[Candidates, np.ndarray]:
+    """Postures of which a prediction is wanted, and the number ``(c,)`` of the place that each reaches.
 
-    Attributes:
-        candidates: they.
-        place: ``(c,)`` number of the place that each reaches; of a file each is one.
-    """
-
-    candidates: Candidates
-    place: np.ndarray
-
-
-def asked_candidates(test: PreparedTest, study: Study, asked: str | Path) -> AskedPostures:
-    """Postures of which a prediction is wanted.
-
-    Args:
-        test: that was read, and
-        study: as it was fitted.
-        asked: a CSV file of postures; or places of the end in the base's axes, mm, as ``x=400,y=0:200,z=300``, a
-            range as its two ends.
+    They are asked by a CSV file, in which each is a place; or by places of the end in the base's axes, mm, as
+    ``x=400,y=0:200,z=300``, a range as its two ends.
 
     Raises:
         ValueError: it cannot be used, or no posture reaches a place; one line.
     """
     if isinstance(asked, Path):
         listed = test.candidates(asked)
-        return AskedPostures(listed, np.arange(len(listed)))
+        return listed, np.arange(len(listed))
     machine = test.measurement.model.chain
     postures: list[list[float]] = []
     number: list[int] = []
@@ -441,18 +425,18 @@ def asked_candidates(test: PreparedTest, study: Study, asked: str | Path) -> Ask
         raise ValueError(f"--for {asked}: all postures that reach there lie beyond the joints' limits")
     drawn = study.drawn(np.random.default_rng(SEED), 1)
     reached = Candidates(q[keep], np.repeat(drawn.load * 0.0, int(keep.sum()), axis=0))
-    return AskedPostures(reached, np.array(number)[keep])
+    return reached, np.array(number)[keep]
 
 
-def _likely(study: Study, asked: AskedPostures) -> np.ndarray:
+def _likely(study: Study, asked: Candidates, reached: np.ndarray) -> np.ndarray:
     """Which postures ``(c,)`` are the nearest to a measured one of all that reach their place."""
     turning = np.array([name in study.machine.turning for name in study.data.joints])
-    apart = asked.candidates.q[:, None] - study.data.q
+    apart = asked.q[:, None] - study.data.q
     apart = np.where(turning, (apart + np.pi) % (2.0 * np.pi) - np.pi, apart)
     distance = np.linalg.norm(places(apart, turning), axis=2).min(axis=1)
     result = np.zeros(len(distance), dtype=bool)
-    for number in np.unique(asked.place):
-        own = np.flatnonzero(asked.place == number)
+    for number in np.unique(reached):
+        own = np.flatnonzero(reached == number)
         result[own[np.argmin(distance[own])]] = True
     return result
 
@@ -478,16 +462,16 @@ def _places(asked: str) -> list[tuple[float, ...]]:
 
 
 def predicted(
-    study: Study, model: Written, wanted: AskedPostures, within: Mapping[str, tuple[float, float]]
+    study: Study, model: Written, asked: Candidates, reached: np.ndarray, within: Mapping[str, tuple[float, float]]
 ) -> AskedForRow:
-    """Errors in postures with and without the file.
+    """Errors in postures, see `asked_candidates`, with and without the file.
 
     ``within`` has measured ranges of joints that reach much further, rad or mm, by name.
 
     Raises:
         vjm.errors.NoConvergenceError: a posture has no equilibrium.
     """
-    file_study, state, asked = model.study, model.state, wanted.candidates
+    file_study, state = model.study, model.state
     active, n = state.solution.active, state.blocks.nuisances
     drawn = file_study.drawn(np.random.default_rng(SEED), COUNT, whole_range(file_study))
     both = Candidates(np.concatenate([drawn.q, asked.q]), np.concatenate([drawn.load, asked.load]))
@@ -503,7 +487,7 @@ def predicted(
     without = np.linalg.norm(error + change, axis=2)
     with_it = np.linalg.norm(error, axis=2)
     place = unloaded_frames(file_study.machine.tree, file_study.machine.rows(asked.q))[1][:, 0]
-    rows, likely = [], _likely(study, wanted)
+    rows, likely = [], _likely(study, asked, reached)
     for i, q in enumerate(asked.q):
         beyond = [
             name
