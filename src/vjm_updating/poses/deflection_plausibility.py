@@ -22,7 +22,6 @@ from vjm_updating.poses.deflections import (
     DeflectionData,
     DeflectionForward,
     DeflectionStudy,
-    lower_bounds,
     springs_to,
 )
 from vjm_updating.poses.machine import PoseMachine
@@ -122,7 +121,8 @@ class BesideSprings(Beside[DeflectionData, Array]):
         y = (data.position - moved)[rows]
         seen = np.isfinite(y)
         sigma = data.sigma[rows][seen]
-        return springs_to(J[rows][seen] / sigma[:, None], y[seen] / sigma, lower_bounds(self.springs))
+        lower = np.array([spring.low for spring in self.springs])
+        return springs_to(J[rows][seen] / sigma[:, None], y[seen] / sigma, lower)
 
     def residual(self, data: DeflectionData, fitted: Array) -> Array:
         """See `Beside`."""

@@ -244,13 +244,7 @@ class DeflectionForward(SeriesForward):
     """
 
     def __init__(self, machine: PoseMachine, data: DeflectionData, sheet: DeflectionSheet) -> None:
-        """Take a test.
-
-        Args:
-            machine: its first end frames are the markers', then come the points of load.
-            data: the readings.
-            sheet: of the test.
-        """
+        """Take a test, whose machine's first end frames are the markers', then come the points of load."""
         self.data, self._sheet = data, sheet
         self._loads, self._tracker, gravity = tuple(sheet.loads.values()), sheet.tracker, sheet.test.gravity
         k = len(data.markers)
@@ -373,12 +367,8 @@ class DeflectionForward(SeriesForward):
 def in_base(load: Array, R: Array, tables: Sequence[DeflectionLoadTable]) -> Array:
     """Wrenches ``(g, l, 6)`` in the base's axes from those in their tables' axes.
 
-    A tool's axes are those of the unloaded robot: it turns by some mrad under the load.
-
-    Args:
-        load: ``(g, l, 6)``.
-        R: ``(g, l, 3, 3)`` frames of the points, unloaded.
-        tables: of the points.
+    A tool's axes are those of the unloaded robot, in the frames R ``(g, l, 3, 3)`` of the points: it turns by some
+    mrad under the load.
     """
     result = load.copy()
     for j, table in enumerate(tables):
@@ -416,17 +406,10 @@ def members_of_loads(
 ) -> list[Member]:
     """Every member of every family that a test of deflections can show.
 
-    Args:
-        machine: the robot.
-        data: the readings.
-        forward: their model, without members.
-        scale: ``(n_tree,)`` what the loads of the test bring on each coordinate, root mean square, N mm or N.
+    ``scale`` (n_tree,) is what its loads bring on each coordinate, root mean square, N mm or N.
     """
-    springs = members_of(machine, data, scale, ordered=False)
-    result = [member for member in springs if member.family in COMPLIANCES]
-    result += _of_joints(machine, forward, scale)
-    result += _zeros(data)
-    return result
+    springs = [m for m in members_of(machine, data, scale, ordered=False) if m.family in COMPLIANCES]
+    return [*springs, *_of_joints(machine, forward, scale), *_zeros(data)]
 
 
 def _of_joints(machine: PoseMachine, forward: DeflectionForward, scale: Array) -> list[Member]:
@@ -531,7 +514,7 @@ class DeflectionStudy(SeriesStudy):
         seen = np.isfinite(self.data.position).all(axis=2)
         y = self.data.position[seen]
         modelled, J = y - linearised.residual[..., :3][seen], linearised.member[..., :3, :][seen][..., own]
-        lower = lower_bounds([self.members[i] for i in own])
+        lower = np.array([self.members[i].low for i in own])
         best, axes = np.inf, np.eye(3)
         for order in itertools.permutations(range(3)):
             for signs in itertools.product((1.0, -1.0), repeat=3):
@@ -618,8 +601,3 @@ def springs_to(J: Array, y: Array, lower: Array) -> Array:
     scale = np.maximum(np.linalg.norm(J, axis=0), 1e-300)
     sizes: Array = lower + nnls(J / scale, y - J @ lower)[0] / scale
     return sizes
-
-
-def lower_bounds(members: Sequence[Member]) -> Array:
-    """Of members in their units."""
-    return np.array([member.low for member in members])

@@ -15,7 +15,7 @@ import numpy as np
 from vjm.rotations import Array
 from vjm_updating.constants import definition, prior_scale
 from vjm_updating.inference.parameters import Coordinate
-from vjm_updating.poses.machine import ACROSS, OWN, RIGID, MachineSpring, PoseMachine
+from vjm_updating.poses.machine import ACROSS, OWN, RIGID, PoseMachine
 from vjm_updating.poses.measurement import PoseData
 
 VALUE, COMPLIANCE, FACTOR, MASS, DRIFT, STRETCH = "value", "compliance", "factor", "mass", "drift", "stretch"
@@ -116,14 +116,9 @@ ZEROS = ("joint_offset", "instrument_zero")
 def members_of(machine: PoseMachine, data: PoseData, torque: Array, *, ordered: bool) -> list[Member]:
     """Every member of every family that the data can show.
 
-    Args:
-        machine: the robot.
-        data: its postures.
-        torque: ``(n_tree,)`` standard deviation over the postures of what each coordinate bears, N mm or N.
-        ordered: whether the postures stand in the order in which they were taken.
+    ``torque`` (n_tree,) has the standard deviation over the postures of what each coordinate bears, N mm or N.
     """
-    result = _values(machine, data)
-    result += _compliances(machine, torque)
+    result = [*_values(machine, data), *_compliances(machine, torque)]
     for k, part in enumerate(machine.masses):
         if part in machine.masses[:k]:
             continue  # a beam's weight in many pieces
@@ -134,37 +129,31 @@ def members_of(machine: PoseMachine, data: PoseData, torque: Array, *, ordered: 
                 subject=name, low=-10.0,
             )
         )  # fmt: skip
-    if ordered:
-        result += _approaches(machine, data)
+    for name, index in machine.driven.items() if ordered else ():
+        if name in machine.joints:
+            q = data.q[:, machine.joints.index(name)]
+            way = np.sign(np.diff(q, prepend=q[0]))
+            scale, unit = (MILLIRADIAN, "rad") if name in machine.turning else (MILLIMETRE, "mm")
+            result.append(value_member("approach", name, "", index, scale, unit, way))
     clock = data.time if data.time is not None else (np.arange(len(data), dtype=float) if ordered else None)
     for name, course in (("time", clock), ("temperature", data.temperature)):
         if course is not None and np.ptp(course) > 0.0:
             basis = (course - course.mean()) / np.ptp(course)
             result += [
                 Member(
-                    family="tracker_drift",
-                    name=f"tracker_drift.{name}.{axis}",
-                    kind=DRIFT,
-                    index=k,
-                    scale=1.0,
-                    unit="mm over the test",
-                    basis=basis,
+                    family="tracker_drift", name=f"tracker_drift.{name}.{axis}", kind=DRIFT, index=k, scale=1.0,
+                    unit="mm over the test", basis=basis,
                 )
                 for k, axis in enumerate("xyz")
-            ]
+            ]  # fmt: skip
     if data.temperature is not None and np.ptp(data.temperature) > 0.5:
-        basis = data.temperature - data.temperature.mean()
         result.append(
             Member(
                 family="temperature", name="temperature.stretch", kind=STRETCH, index=0, scale=1e-5, unit="1/K",
-                basis=basis,
+                basis=data.temperature - data.temperature.mean(),
             )
         )  # fmt: skip
     return result
-
-
-def _turning(machine: PoseMachine) -> list[tuple[str, int]]:
-    return [(name, machine.driven[name]) for name in machine.joints if name in machine.turning]
 
 
 def _values(machine: PoseMachine, data: PoseData) -> list[Member]:
@@ -176,8 +165,10 @@ def _values(machine: PoseMachine, data: PoseData) -> list[Member]:
     for error in machine.frames:
         scale, unit = (MILLIMETRE, "mm") if error.label.startswith("shift") else (MILLIRADIAN, "rad")
         result.append(value_member("frame_error", error.joint, error.label, error.index, scale, unit))
-    for name, index in _turning(machine):
-        q = data.q[:, machine.joints.index(name)]
+    for name, q in zip(machine.joints, data.q.T, strict=True):
+        if name not in machine.turning:
+            continue
+        index = machine.driven[name]
         result += [
             value_member("gear_error", name, wave, index, MILLIRADIAN, "rad", of_q(q))
             for wave, of_q in WAVES.items()
@@ -200,7 +191,8 @@ def _compliances(machine: PoseMachine, torque: Array) -> list[Member]:
                 unit="of its compliance", subject=spring.part, low=-9.0,
             )  # fmt: skip
         else:
-            most = _largest_compliance(spring)
+            kind = "bearing" if spring.kind != OWN else "linear drive" if spring.slides else "drive"
+            most = LARGEST_COMPLIANCE[kind][0]
             size = MILLIMETRE if spring.slides else MILLIRADIAN
             # a spring that bears little cannot be expected to turn by as much: none so compliant is built
             scale = size / max(float(torque[spring.span[0]]), size / most)
@@ -211,25 +203,6 @@ def _compliances(machine: PoseMachine, torque: Array) -> list[Member]:
                 high=max(most - spring.nominal, spring.nominal) / scale,
             )  # fmt: skip
         result.append(member)
-    return result
-
-
-def _largest_compliance(spring: MachineSpring) -> float:
-    """Compliance beyond which nothing of a spring's kind is built."""
-    if spring.kind != OWN:
-        return LARGEST_COMPLIANCE["bearing"][0]
-    return LARGEST_COMPLIANCE["linear drive" if spring.slides else "drive"][0]
-
-
-def _approaches(machine: PoseMachine, data: PoseData) -> list[Member]:
-    result = []
-    for name, index in machine.driven.items():
-        if name not in machine.joints:
-            continue
-        q = data.q[:, machine.joints.index(name)]
-        way = np.sign(np.diff(q, prepend=q[0]))
-        scale, unit = (MILLIRADIAN, "rad") if name in machine.turning else (MILLIMETRE, "mm")
-        result.append(value_member("approach", name, "", index, scale, unit, way))
     return result
 
 

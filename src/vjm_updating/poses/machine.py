@@ -70,7 +70,8 @@ class PoseMachine:
     """The extended machine.
 
     Attributes:
-        tree: its assembled arrays.
+        chain: the machine of the model file.
+        tree: its assembled arrays, extended.
         joints: names of the joints that the data give, and
         slides: whether each slides.
         followers: coupled joints, whose coordinates those make.
@@ -100,8 +101,18 @@ class PoseMachine:
         Raises:
             ValueError: a part or a spring that has no place here.
         """
-        _refuse(chain)
-        self._chain, self._at_output, self.as_modelled = chain, at_output, frozenset(as_modelled)
+        if not chain.held_joints:
+            raise ValueError(
+                f"{chain.name}: no joint is driven: a test of poses needs parts of kind = 'actuated' whose "
+                "coordinates the data give"
+            )
+        for part in chain.parts:
+            if isinstance(part, Joint) and not part.held:
+                raise ValueError(
+                    f"{chain.name}: part '{part.name}' has no coordinate in a test of poses: make it "
+                    "kind = 'actuated'"
+                )
+        self.chain, self._at_output, self.as_modelled = chain, at_output, frozenset(as_modelled)
         self._parts: list[Part] = []
         self._after: dict[str, str] = {}
         self._frames: list[tuple[str, str, str]] = []
@@ -138,17 +149,12 @@ class PoseMachine:
         self.moves = {first: list(own_share.items()) for first, own_share in shares.items()}
         self.turning = {name for name, part in own.items() if not part.slides}
         self.frames = tuple(FrameError(j, label, self.tree.driven_by(part)) for j, label, part in self._frames)
-        self.springs = tuple(
-            MachineSpring(
-                part,
-                kind,
-                label,
-                self.tree.span(where) if index is None else _one(self.tree.span(where), index),
-                c,
-                slides,
-            )
-            for part, kind, label, where, index, c, slides in self._springs
-        )
+        springs = []
+        for name, kind, label, where, index, c, slides in self._springs:
+            span = self.tree.span(where)
+            own_span = span if index is None else range(span[index], span[index] + 1)
+            springs.append(MachineSpring(name, kind, label, own_span, c, slides))
+        self.springs = tuple(springs)
         self.masses = self.tree.weighed()
 
     def _springs_between(self, chain: Machine) -> tuple[PointSpring, ...]:
@@ -261,11 +267,6 @@ class PoseMachine:
         centre = link.centre_of_mass - half if far else None
         self._append(RigidOffset(link.name, rest, link.mass if far else 0.0, centre), behind)
 
-    @property
-    def chain(self) -> Machine:
-        """The machine of the model file."""
-        return self._chain
-
     def rows(self, q: Array) -> Array:
         """Rows of the tree's coordinates ``(g, n_tree)`` from those of the data's joints ``(g, n)``."""
         result = np.zeros((len(q), len(self.tree.joints)))
@@ -282,20 +283,3 @@ def with_coupling(chain: Machine, joint: str, *, as_deflected: bool) -> Machine:
         for part in chain.parts
     )
     return replace(chain, parts=parts)
-
-
-def _one(span: range, index: int) -> range:
-    return range(span[index], span[index] + 1)
-
-
-def _refuse(chain: Machine) -> None:
-    if not chain.held_joints:
-        raise ValueError(
-            f"{chain.name}: no joint is driven: a test of poses needs parts of kind = 'actuated' whose coordinates "
-            "the data give"
-        )
-    for part in chain.parts:
-        if isinstance(part, Joint) and not part.held:
-            raise ValueError(
-                f"{chain.name}: part '{part.name}' has no coordinate in a test of poses: make it kind = 'actuated'"
-            )
