@@ -139,12 +139,9 @@ def _settled(
 
 
 def costs_of(
-    measurement: FrequencyMeasurement,
-    forward: FrequencyForward,
-    z: Array,
-    spread: float = 1.0,
+    measurement: FrequencyMeasurement, forward: FrequencyForward, z: Array, spread: float = 1.0,
     root: Array | None = None,
-) -> list[tuple[np.ndarray, Array]]:
+) -> list[tuple[np.ndarray, Array]]:  # fmt: skip
     """Each row's allowed pairings ``(a, k)`` and their `unlikeliness` ``(a,)`` at unknowns ``(n_z,)``.
 
     Args:
@@ -205,23 +202,11 @@ SURE = stated_level(0.95)
 
 
 def calibrate_frequencies(
-    measurement: FrequencyMeasurement,
-    *,
-    fit: Sequence[str] = (),
-    force: bool = False,
-    strict: bool = False,
+    measurement: FrequencyMeasurement, *, fit: Sequence[str] = (), force: bool = False, strict: bool = False,
     warn: Callable[[Sequence[Finding]], None] = lambda _: None,
     progress: Callable[[str], None] = lambda _: None,
-) -> CalibrationResult[Calibration]:
-    """Calibrate a machine by its natural frequencies; see `vjm_updating.calibrate`.
-
-    Args:
-        measurement: the test.
-        fit: parameters, see `vjm_updating.calibration.parameters.unknowns`.
-        force: whether a model is written that is not for use.
-        strict: whether what is doubtful is refused.
-        warn: told what is implausible, before anything is fitted.
-        progress: told what is being done.
+) -> CalibrationResult[Calibration]:  # fmt: skip
+    """Calibrate a machine by its natural frequencies; see `vjm_updating.calibrate`, whose arguments these are.
 
     Raises:
         ValueError: a parameter means nothing, there are too few readings, or the calibrated machine is none that
@@ -295,10 +280,8 @@ def _pairing(measurement: FrequencyMeasurement, fit: CalibrationSolution) -> lis
                 payload_kg=float(measurement.payload[i]),
                 modes=[
                     PairedRow(
-                        column=measurement.columns[k],
-                        mode=int(forward.pairs[i, k]) + 1,
-                        measured=float(measurement.frequency[i, k]),
-                        computed=float(fit.at.wrench[i, k]),
+                        column=measurement.columns[k], mode=int(forward.pairs[i, k]) + 1,
+                        measured=float(measurement.frequency[i, k]), computed=float(fit.at.wrench[i, k]),
                         in_sigma=float(fit.at.residual[i, k] / measurement.sigma[i, k]),
                     )
                     for k in columns
@@ -306,16 +289,14 @@ def _pairing(measurement: FrequencyMeasurement, fit: CalibrationSolution) -> lis
                 probability=probability(cost, own),
                 otherwise=[int(m) + 1 for m in ways[others[0]][columns]] if others else [],
             )
-        )
+        )  # fmt: skip
     return rows
 
 
 def _told(
-    measurement: FrequencyMeasurement,
-    fit: CalibrationSolution,
-    identifiability: Identifiability,
+    measurement: FrequencyMeasurement, fit: CalibrationSolution, identifiability: Identifiability,
     pairing: Sequence[PairingRow],
-) -> IdentifiabilityRow:
+) -> IdentifiabilityRow:  # fmt: skip
     """What the readings tell, in words: of parameters, of masses, and of the pairing."""
     row, words, forward = identifiability_row(fit, identifiability), [], fit.fitter.forward
     assert isinstance(forward, FrequencyForward)

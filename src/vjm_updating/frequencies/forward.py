@@ -183,8 +183,7 @@ class FrequencyForward(OfUnknowns):
         """Derivative ``(n, m)`` of all modes' frequencies by an unknown, Hz per unit of its z."""
         key = z.tobytes(), index
         if key not in self._rates:
-            tapped = self.tapped(z)
-            self._rates[key] = self._rates_of(tapped, z, index)
+            self._rates[key] = self._rates_of(self.tapped(z), z, index)
         return self._rates[key]
 
     def _rates_of(self, tapped: Tapped, z: Array, index: int) -> Array:

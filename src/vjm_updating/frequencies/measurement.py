@@ -126,12 +126,7 @@ class FrequencyMeasurement(Measurement):
         return tuple(f"f{k + 1}_Hz" for k in range(self.frequency.shape[1]))
 
     def carrying(self, chain: Machine, mass: float) -> Machine:
-        """A machine with the payload of the test.
-
-        Args:
-            chain: the machine.
-            mass: of the payload, kg.
-        """
+        """A machine with the payload of the test, of a mass in kg."""
         if not mass:
             return chain
         table, last = self.sheet.payload, chain.parts[-1].name
@@ -140,11 +135,6 @@ class FrequencyMeasurement(Measurement):
         return replace(
             chain, parts=(*chain.parts, load), after={**chain.after, **({} if on == last else {CARRIED: on})}
         )
-
-    @property
-    def chain_masses(self) -> list[float]:
-        """Masses of the parts that have one, kg."""
-        return [float(getattr(part, "mass", 0.0)) for part in self.chain.parts]
 
 
 def read_frequencies(data: TableSource, sheet: SheetSource) -> FrequencyMeasurement:

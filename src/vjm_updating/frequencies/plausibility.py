@@ -19,18 +19,14 @@ from vjm_updating.frequencies.measurement import UNITS, FrequencyMeasurement
 
 
 def considered(measurement: FrequencyMeasurement, *, strict: bool = False) -> list[Finding]:
-    """What is implausible about the model, and units that are not Hz.
-
-    Args:
-        measurement: the test.
-        strict: whether what is doubtful is refused, too.
+    """What is implausible about the model, and units that are not Hz; ``strict`` refuses what is doubtful, too.
 
     Raises:
         ImplausibleError: something cannot be meant; one line.
     """
     name = f"{measurement.sheet.file}, model {measurement.sheet.test.model}"
     findings = worst_first(model_findings(measurement.document, name))
-    if not any(measurement.chain_masses):
+    if not any(getattr(part, "mass", 0.0) for part in measurement.chain.parts):
         findings.insert(0, Finding(Grade.REFUSED, name, "no part has a mass: give its links mass_kg"))
     else:
         findings += _units(measurement)
@@ -74,24 +70,19 @@ def _units(measurement: FrequencyMeasurement) -> Iterator[Finding]:
     for unit in UNITS:
         many = multiples(measurement, computed, far, unit.in_hz)
         if all(machines((one / unit.in_hz) ** 2) for one in many):
-            yield ColumnsMistaken(
-                Grade.DOUBTFUL,
-                where,
+            words = (
                 f"frequencies are {said(many[1])} what the model predicts: are they in {unit.name} instead of Hz? "
-                f"{unit.remedy.capitalize()}",
             )
+            yield ColumnsMistaken(Grade.DOUBTFUL, where, words + unit.remedy.capitalize())
 
 
 def multiples(
     measurement: FrequencyMeasurement, computed: Array, rows: Sequence[int], unit: float = 1.0
 ) -> tuple[float, float, float]:
-    """Quartiles of how many times what the model predicts was read, all 1 where no mode can be compared.
+    """Quartiles over rows of how many times what was computed was read; all 1 where no mode can be compared.
 
-    Args:
-        measurement: the test.
-        computed: ``(n, m)`` Hz of the nominal machine, nan where it has no such mode.
-        rows: which of the n count.
-        unit: what 1 Hz would be in the readings' unit: of each row the pairing that is nearest to that counts.
+    Computed are ``(n, m)`` Hz of the nominal machine, nan where it has no such mode. Of each row the pairing counts
+    that is nearest to the ``unit``, what 1 Hz would be in the readings' unit.
     """
     ratios: list[float] = []
     for read, modes in zip(measurement.frequency[rows], computed[rows], strict=True):

@@ -39,11 +39,7 @@ PATH_MESHES = numerical((8, 16, 32))
 
 
 def identify_part(chain: Machine, part: str) -> IdentificationDocument:
-    """A part's compliance from virtual experiments, and the uniform beam that it is.
-
-    Args:
-        chain: of a model.
-        part: name of a part, or ``first..last`` for a range without passive joints.
+    """A part's compliance from virtual experiments, and the uniform beam that it is; see `identified`.
 
     Raises:
         ValueError: no such part, or one that cannot be meshed.

@@ -78,10 +78,16 @@ def part_specimen(chain: Machine, name: str) -> Specimen:
     if len(parts) == 1 and isinstance(parts[0], Beam):
         member = replace(parts[0], own_frame=np.eye(3), count=1)
         body = _alone(name, (member,))
-        return Specimen(name, "the part's own", _same(body), member.beam_compliance(), member.compliance)
-    _check_range(name, parts)
+        return Specimen(name, "the part's own", lambda n: (body, n), member.beam_compliance(), member.compliance)
+    joints = [part.name for part in parts if isinstance(part, Joint) and part.free]
+    if joints:
+        raise ValueError(
+            f"--part {name}: '{joints[0]}' is a passive joint, which moves freely: take parts between joints"
+        )
+    if not any(isinstance(part, Beam) for part in parts):
+        raise ValueError(f"--part {name}: nothing in it is a beam: it deflects in no direction that can be meshed")
     body = _alone(name, parts)
-    return Specimen(name, f"chain frame at the root of '{first}'", _same(body), series_compliance(body))
+    return Specimen(name, f"chain frame at the root of '{first}'", lambda n: (body, n), series_compliance(body))
 
 
 def series_compliance(chain: Machine) -> Array:
@@ -121,25 +127,11 @@ def series_compliance(chain: Machine) -> Array:
     return C
 
 
-def _check_range(name: str, parts: tuple[Part, ...]) -> None:
-    joints = [part.name for part in parts if isinstance(part, Joint) and part.free]
-    if joints:
-        raise ValueError(
-            f"--part {name}: '{joints[0]}' is a passive joint, which moves freely: take parts between joints"
-        )
-    if not any(isinstance(part, Beam) for part in parts):
-        raise ValueError(f"--part {name}: nothing in it is a beam: it deflects in no direction that can be meshed")
-
-
 def _alone(name: str, parts: tuple[Part, ...]) -> Machine:
     for part in parts:
         if isinstance(part, Beam):
             part.effective_section()
     return Machine(name, parts, base=frame(), postures={POSTURE: np.zeros(0)})
-
-
-def _same(body: Machine) -> Callable[[int], tuple[Machine, int]]:
-    return lambda n: (body, n)
 
 
 MESHES = numerical((4, 8, 16))

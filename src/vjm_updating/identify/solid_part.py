@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -200,26 +199,13 @@ def _matrix(bound: BoundDocument) -> TerminalTable:
 
 def _beams(beams: Sequence[BeamDocument]) -> TerminalTable:
     table = TerminalTable(title="Uniform beams", title_justify="left", box=SIMPLE)
-    for head in (
-        "form",
-        "length, mm",
-        "EA, N",
-        "GJ, N mm²",
-        "EIy, N mm²",
-        "EIz, N mm²",
-        "worst miss",
-        "like the part",
-    ):
+    stiffnesses = ("EA, N", "GJ, N mm²", "EIy, N mm²", "EIz, N mm²")
+    for head in ("form", "length, mm", *stiffnesses, "worst miss", "like the part"):
         table.add_column(head, justify="left" if head == "form" else "right")
     for beam in beams:
-        stiffnesses = (beam.EA_N, beam.GJ_Nmm2, beam.EIy_Nmm2, beam.EIz_Nmm2)
-        table.add_row(
-            beam.form,
-            number(beam.length_mm),
-            *(number(value) for value in stiffnesses),
-            f"{beam.worst_entry} {percent(beam.worst_scaled)}",
-            "yes" if beam.met else "no",
-        )
+        sizes = (beam.length_mm, beam.EA_N, beam.GJ_Nmm2, beam.EIy_Nmm2, beam.EIz_Nmm2)
+        miss = f"{beam.worst_entry} {percent(beam.worst_scaled)}"
+        table.add_row(beam.form, *(number(value) for value in sizes), miss, "yes" if beam.met else "no")
     return table
 
 
@@ -481,17 +467,11 @@ TAPERS = tuned(0.05)
 def solid_document(
     part: SolidCompliance, stress: StressDocument | None = None, *, bonded: bool = False
 ) -> SolidDocument:
-    """What was found, with the beams that are like it, as a document.
-
-    Args:
-        part: the part.
-        stress: where a wrench was given.
-        bonded: whether bodies that touch are meant to be one.
-    """
+    """What was found, with the beams that are like it, as a document; ``bonded`` bodies are meant to be one."""
     task, bounds = part.task, part.bounds
     beams = beams_of(part)
     taper = tapered(middle(part), part.at - part.base_centre)
-    buckling = buckling_of(part, beams)
+    force, words = buckling_of(part, beams)
     return SolidDocument(
         version=__version__,
         name=task.path.name,
@@ -505,10 +485,7 @@ def solid_document(
         base_centre_mm=part.base_centre.tolist(),
         tip_centre_mm=part.tip_centre.tolist(),
         read_at_mm=part.at.tolist(),
-        meshes=[
-            MeshDocument(size_mm=size, unknowns=unknowns)
-            for size, unknowns in zip(part.sizes, part.unknowns, strict=True)
-        ],
+        meshes=[MeshDocument(size_mm=h, unknowns=n) for h, n in zip(part.sizes, part.unknowns, strict=True)],
         stopped=part.stopped,
         accuracy_asked=task.accuracy,
         accuracy_reached=part.relative,
@@ -521,9 +498,9 @@ def solid_document(
         taper=taper,
         stress=stress,
         bodies=part.bodies,
-        buckling_N=buckling.force,
+        buckling_N=force,
         warnings=_warnings(part, beams, bonded),
-        findings=_findings(part, beams, taper, buckling),
+        findings=_findings(part, beams, taper, words),
     )
 
 
@@ -600,16 +577,11 @@ def _warnings(part: SolidCompliance, beams: list[BeamDocument], bonded: bool) ->
     return texts
 
 
-@dataclass(frozen=True)
-class PartBuckling:
-    """Compression in N under which a part buckles, held at its base and free at its tip; None where undecided."""
+def buckling_of(part: SolidCompliance, beams: Sequence[BeamDocument]) -> tuple[float | None, str]:
+    """Compression in N under which a part buckles, held at its base and free at its tip, and words on it.
 
-    force: float | None
-    words: str
-
-
-def buckling_of(part: SolidCompliance, beams: Sequence[BeamDocument]) -> PartBuckling:
-    """By whichever is nearer to the part: the column of its own sections, or the uniform beam of its own length.
+    None where undecided. By whichever is nearer to the part: the column of its own sections, or the uniform beam of
+    its own length.
 
     Euler's load goes with the stiffness and with the length to the power of −2: its error is about the column's
     misfit in bending, or twice the beam's in length, and that of the compliance. Above `LIKE` nothing is said
@@ -628,19 +600,15 @@ def buckling_of(part: SolidCompliance, beams: Sequence[BeamDocument]) -> PartBuc
         ways.append((off, euler, f"that uniform beam, whose length misses the part's by {percent(0.5 * off)}"))
     if part.relative > LIKE:
         known = f"the compliance is known to {percent(part.relative)} only"
-        return PartBuckling(None, f"whether it buckles, and when, is undecided: {known}")
+        return None, f"whether it buckles, and when, is undecided: {known}"
     if not ways or min(ways)[0] + part.relative > LIKE:
-        return PartBuckling(
-            None, "whether it buckles, and when, is undecided: it bends like no beam of its own length"
-        )
+        return None, "whether it buckles, and when, is undecided: it bends like no beam of its own length"
     _, force, like = min(ways)
-    return PartBuckling(
-        force, f"free at its tip, without shear, it buckles at {number(force, 3)} N of compression as {like}"
-    )
+    return force, f"free at its tip, without shear, it buckles at {number(force, 3)} N of compression as {like}"
 
 
 def _findings(
-    part: SolidCompliance, beams: list[BeamDocument], taper: TaperDocument | None, buckling: PartBuckling
+    part: SolidCompliance, beams: list[BeamDocument], taper: TaperDocument | None, buckling: str
 ) -> list[str]:
     lines = [
         f"between a rigid tip and a wrench spread over its face: {percent(apart(part))} of √(c_ii c_jj) at most"
@@ -655,7 +623,7 @@ def _findings(
         )
     if part.bodies > 1:
         lines.append(bonded_bodies(part.bodies))
-    lines.append(buckling.words)
+    lines.append(buckling)
     if taper is not None and not beams[0].met and taper.worst_scaled < TAPERS:
         lines.append(
             f"as a straight tapered beam from base to tip: EIy {number(taper.EIy_Nmm2[0], 3)} to "
