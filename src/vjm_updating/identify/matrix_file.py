@@ -8,7 +8,7 @@ from __future__ import annotations
 import hashlib
 import math
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
@@ -126,6 +126,19 @@ def _value(word: str) -> float:
     return plain_number(word.lower().replace("d", "e"))
 
 
+def _is_rounding(value: str) -> bool:
+    rel, _, size = value.partition(" ")
+    return value == PRINTED or (rel == "rel" and bool(_NUMBER.fullmatch(size)) and 0 < _value(size) < 1)
+
+
+HEADER: dict[str, tuple[Callable[[str], bool], str, str]] = {
+    "units": (lambda value: value in UNITS, " or ".join(UNITS), ": convert the numbers"),
+    "kind": (lambda value: value in KINDS, " or ".join(KINDS), ""),
+    "rounding": (_is_rounding, "'printed' or 'rel' and a number above 0 and below 1", ""),
+}
+"""Of each key whether it may have a value, what it must be, and a remedy."""
+
+
 class _MatrixReader:
     """A file taken apart."""
 
@@ -166,30 +179,13 @@ class _MatrixReader:
         key, value = (part.strip() for part in " ".join(words).split("=", 1))
         if key in self.header:
             raise self._fail(line, f"{key} stands twice: leave one")
-        if key == "units":
-            allowed = value in UNITS
-            remedy = f"must be {' or '.join(UNITS)}, got '{value}': convert the numbers"
-        elif key == "kind":
-            allowed = value in KINDS
-            remedy = f"must be {' or '.join(KINDS)}, got '{value}'"
-        elif key == "rounding":
-            allowed = value == PRINTED or self._relative(value)
-            remedy = f"must be 'printed' or 'rel' and a number above 0 and below 1, got '{value}'"
-        else:
-            known = ["units", "kind", "rounding"]
-            raise self._fail(
-                line, f"unknown key '{key}'{did_you_mean(key, known) or '; known are ' + ', '.join(known)}"
-            )
-        if not allowed:
-            raise self._fail(line, f"{key} {remedy}")
+        if key not in HEADER:
+            hint = did_you_mean(key, list(HEADER)) or f"; known are {', '.join(HEADER)}"
+            raise self._fail(line, f"unknown key '{key}'{hint}")
+        allowed, must_be, remedy = HEADER[key]
+        if not allowed(value):
+            raise self._fail(line, f"{key} must be {must_be}, got '{value}'{remedy}")
         self.header[key] = value
-
-    @staticmethod
-    def _relative(value: str) -> bool:
-        words = value.split()
-        return (
-            len(words) == 2 and words[0] == "rel" and bool(_NUMBER.fullmatch(words[1])) and 0 < _value(words[1]) < 1
-        )
 
     def _number(self, line: int, word: str, where: str) -> str:
         if word.lower().lstrip("+-") in ("nan", "inf", "infinity"):
