@@ -42,6 +42,7 @@ from vjm_updating.poses.measurement import (
     RobotSheet,
     RobotTest,
     Sigma,
+    angles_of,
     check_columns,
     check_noise,
     columns_of,
@@ -187,8 +188,7 @@ def _rotations(by_name: Mapping[str, Array], markers: tuple[str, ...], g: int) -
     """Rotations ``(g, k, 3, 3)`` from the columns of rotation vectors, nan where there are none."""
     result = np.full((g, len(markers), 3, 3), np.nan)
     for k, name in enumerate(markers):
-        degrees = f"{name}.{ANGLES_DEG[0]}" in by_name
-        keys, factor = (ANGLES_DEG, np.pi / 180.0) if degrees else (ANGLES, 1.0)
+        keys, factor = angles_of(name, by_name)
         given = [f"{name}.{key}" in by_name for key in keys]
         if not any(given):
             continue

@@ -496,13 +496,7 @@ def _orientation(marker: str, sheet: PoseSheet, columns: dict[str, Array], g: in
     result, how = np.full((g, 3, 3), np.nan), sheet.markers[marker].orientation
     if how in ("none", "tilt"):
         return result
-    if how == "quaternion":
-        keys: tuple[str, ...] = QUATERNION
-        factor = 1.0
-    elif f"{marker}.{ANGLES_DEG[0]}" in columns:
-        keys, factor = ANGLES_DEG, np.pi / 180.0
-    else:
-        keys, factor = ANGLES, 1.0
+    keys, factor = (QUATERNION, 1.0) if how == "quaternion" else angles_of(marker, columns)
     for key in keys:
         if f"{marker}.{key}" not in columns:
             raise ValueError(f"column '{marker}.{key}' is missing: add it, or write orientation = 'none'")
@@ -510,6 +504,11 @@ def _orientation(marker: str, sheet: PoseSheet, columns: dict[str, Array], g: in
     for i in np.flatnonzero(np.isfinite(values).all(axis=1)):
         result[i] = rotation_by(how, values[i])
     return result
+
+
+def angles_of(marker: str, columns: Mapping[str, Array]) -> tuple[tuple[str, ...], float]:
+    """What stands behind a marker's name in its columns of angles, and what makes rad of these."""
+    return (ANGLES_DEG, np.pi / 180.0) if f"{marker}.{ANGLES_DEG[0]}" in columns else (ANGLES, 1.0)
 
 
 def _tilt(marker: str, sheet: PoseSheet, columns: dict[str, Array], g: int) -> Array:

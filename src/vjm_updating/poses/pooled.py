@@ -62,11 +62,10 @@ class PooledFrames(Frames):
     groups: tuple[Frames, ...]
     zeros: tuple[Array, ...]
 
-
-def pooled_frames(groups: Sequence[Frames], zeros: Sequence[Array]) -> PooledFrames:
-    """Frames of groups as one."""
-    first = groups[0]
-    return PooledFrames(first.R, first.t, first.m, first.M, tuple(groups), tuple(zeros))
+    @classmethod
+    def of(cls, groups: Sequence[Frames], zeros: Sequence[Array]) -> PooledFrames:
+        """Frames of groups as one."""
+        return cls(**vars(groups[0]), groups=tuple(groups), zeros=tuple(zeros))
 
 
 @dataclass(frozen=True)
@@ -132,7 +131,7 @@ class PooledForward(ReadingsForward):
             of_frames, of_zeros = np.split(step[one.column], [one.forward.nuisances])
             groups.append(one.forward.moved(own, of_frames))
             zeros_.append(zeros + of_zeros)
-        return pooled_frames(groups, zeros_)
+        return PooledFrames.of(groups, zeros_)
 
 
 def _spread(columns: Array, to: np.ndarray, count: int) -> Array:
@@ -155,13 +154,10 @@ class PooledStudy(Study):
     def __init__(
         self, groups: Sequence[SeriesStudy], series: Sequence[int], anew: Sequence[Collection[str]] | None = None
     ) -> None:
-        """Take groups.
+        """Take groups of one machine, and the number of the series of each; those of one stand in its order.
 
-        Args:
-            groups: of one machine.
-            series: number of the series of each group; those of one series stand in its order.
-            anew: names of the nuisances and zeros of each group, see `unknowns_of`, that are not those of the
-                group before it in its series; None: each group is a series.
+        ``anew`` are names of the nuisances and zeros of each group, see `unknowns_of`, that are not those of the
+        group before it in its series; None: each group is a series.
 
         Raises:
             SheetError: they are of different machines.
@@ -178,8 +174,10 @@ class PooledStudy(Study):
         self.turns_with_tracker = first.turns_with_tracker
         self.sheet, self.machine = first.sheet, first.machine
         self.outliers = tuple(outlier for one in groups for outlier in one.outliers)
-        self._rows, self._markers = _places(groups)
         names = list(dict.fromkeys(name for one in groups for name in one.data.markers))
+        ends = np.cumsum([len(one.data) for one in groups]).tolist()
+        self._rows = [slice(end - len(one.data), end) for one, end in zip(groups, ends, strict=True)]
+        self._markers = [np.array([names.index(name) for name in one.data.markers]) for one in groups]
         self.data = _joined([one.data for one in groups], self._rows, self._markers, tuple(names))
         self.of_series = np.repeat(self.series, [len(one.data) for one in groups])
         forwards = [one.forward_of(one.machine, one.data) for one in groups]
@@ -295,7 +293,7 @@ class PooledStudy(Study):
         for i, one in enumerate(self.groups):
             frames.append(self._going_on(one, frames[-1], self.anew[i]) if self._goes_on(i) else one.frames)
         zeros = [np.zeros(len(group.zero)) for group in groups]
-        return pooled_frames(frames, zeros), self.joined_up([one.aligned for one in self.groups])
+        return PooledFrames.of(frames, zeros), self.joined_up([one.aligned for one in self.groups])
 
     @staticmethod
     def _going_on(one: SeriesStudy, before: Frames, anew: Collection[str]) -> Frames:
@@ -388,16 +386,6 @@ def unknowns_of(forward: ReadingsForward, zeros: Sequence[Member]) -> list[tuple
     """Nuisances and zeros of a group: the name of each, and which it is among those of the name."""
     names = [*forward.nuisance_names(), *map(zero_of, zeros)]
     return [(name, names[:i].count(name)) for i, name in enumerate(names)]
-
-
-def _places(groups: Sequence[SeriesStudy]) -> tuple[list[slice], list[np.ndarray]]:
-    """Rows and markers of each group among all."""
-    names = list(dict.fromkeys(name for one in groups for name in one.data.markers))
-    rows, start = [], 0
-    for one in groups:
-        rows.append(slice(start, start + len(one.data)))
-        start += len(one.data)
-    return rows, [np.array([names.index(name) for name in one.data.markers]) for one in groups]
 
 
 def _joined(
