@@ -265,14 +265,11 @@ class _ChangeSearch:
         result: Array = self.kinds[kind][2] * (self.posture >= where)[:, None, None]
         return result
 
-    def _slow(self, kind: int) -> Array:
-        E = self.kinds[kind][2]
-        result: Array = (E[..., None] * self.slow[:, None, None, :]).reshape(*E.shape[:2], -1)
-        return result
-
     def _beside(self, steps: list[tuple[int, int]], kind: int) -> list[Array]:
         """Columns beside a change of a kind: those of others, and of the same numbers that change slowly."""
-        return [*(self._step(*one) for one in steps), self._slow(kind)]
+        E = self.kinds[kind][2]
+        slowly: Array = (E[..., None] * self.slow[:, None, None, :]).reshape(*E.shape[:2], -1)
+        return [*(self._step(*one) for one in steps), slowly]
 
     def _fit_without(self, steps: list[tuple[int, int]], kind: int) -> _Fit:
         """The fit of `_beside`."""

@@ -27,6 +27,7 @@ from vjm_updating.poses.forward import (
     PoseForward,
     SeriesForward,
     turn_between,
+    velocities,
 )
 from vjm_updating.poses.machine import PoseMachine
 from vjm_updating.poses.measurement import (
@@ -293,7 +294,7 @@ class DeflectionForward(SeriesForward):
         self._by_loads(z, columns)
         R0, p0, columns0, forces0 = self.unloaded.end_frames(z)
         arm, arm0 = (np.einsum("gkab,kb->gka", F[:, :k], frames.m) for F in (R, R0))
-        moved = _velocity(columns[:, :k], arm) - _velocity(columns0[:, :k], arm0)
+        moved = velocities(columns[:, :k], arm) - velocities(columns0[:, :k], arm0)
         Q = frames.R
         J = np.concatenate([Q @ moved, Q @ (columns[:, :k, 3:] - columns0[:, :k, 3:])], axis=2)
         seen = (p[:, :k] + arm - p0[:, :k] - arm0) @ Q.T
@@ -376,14 +377,6 @@ def in_base(load: Array, R: Array, tables: Sequence[DeflectionLoadTable]) -> Arr
             axes = R[:, j] @ rotation(table.turns)
             for half in (slice(0, 3), slice(3, 6)):
                 result[:, j, half] = np.einsum("gab,gb->ga", axes, load[:, j, half])
-    return result
-
-
-def _velocity(columns: Array, arm: Array) -> Array:
-    """Velocities ``(g, k, 3, P)`` of points at ``arm`` (g, k, 3) behind frames that move by ``columns``."""
-    turning = np.swapaxes(columns[..., 3:, :], -1, -2)
-    by_turn = np.swapaxes(np.cross(turning, arm[..., None, :]), -1, -2)
-    result: Array = columns[..., :3, :] + by_turn
     return result
 
 

@@ -242,7 +242,7 @@ class PoseForward(SeriesForward):
                 positions = np.flatnonzero(self._arrays.border == member.index)
                 border_K[positions, positions] = stiffness
             elif member.kind == FACTOR:
-                for block in self._blocks_of(member):
+                for block in [self._block[c] for c in self.machine.tree.span(member.subject) if c in self._block]:
                     K[block] /= max(1.0 + change, 1e-3)
                     beam[block, :4] /= max(1.0 + change, 1e-3)
                     beam[block, 5:] *= max(1.0 + change, 1e-3)
@@ -258,11 +258,6 @@ class PoseForward(SeriesForward):
         """Weights of the part that a member of masses belongs to."""
         own = self.machine.masses[member.index]
         return [k for k, name in enumerate(self.machine.masses) if name == own]
-
-    def _blocks_of(self, member: Member) -> list[int]:
-        """Blocks of springs of the beam that a factor belongs to."""
-        span = self.machine.tree.span(member.subject)
-        return [self._block[c] for c in span if c in self._block]
 
     def _solve(self, arrays: MachineArrays, values: Array) -> tuple[Array, Array, Array, Array]:
         g = len(self._start)
@@ -312,12 +307,7 @@ class PoseForward(SeriesForward):
         data = self.data
         g, k = len(data), len(data.markers)
         arm = np.einsum("gkab,kb->gka", R, frames.m)
-        place = p + arm
-        cross = np.zeros((g, k, 3, 3))  # velocity of the marker by the body's angular velocity
-        cross[..., 0, 1], cross[..., 0, 2] = arm[..., 2], -arm[..., 1]
-        cross[..., 1, 0], cross[..., 1, 2] = -arm[..., 2], arm[..., 0]
-        cross[..., 2, 0], cross[..., 2, 1] = arm[..., 1], -arm[..., 0]
-        moved = columns[..., :3, :] + cross @ columns[..., 3:, :]
+        place, moved = p + arm, velocities(columns, arm)
         J = np.concatenate([frames.R @ moved, frames.R @ columns[..., 3:, :]], axis=2)
         seen = place @ frames.R.T + frames.t
         for i, (size, member) in enumerate(zip(z, self.members, strict=True)):
@@ -402,6 +392,16 @@ class PoseForward(SeriesForward):
             for member in self.members
         ]
         return other
+
+
+def velocities(columns: Array, arm: Array) -> Array:
+    """Velocities ``(g, k, 3, P)`` of points at ``arm`` (g, k, 3) behind frames that move by ``columns``."""
+    cross = np.zeros((*arm.shape, 3))
+    cross[..., 0, 1], cross[..., 0, 2] = arm[..., 2], -arm[..., 1]
+    cross[..., 1, 0], cross[..., 1, 2] = -arm[..., 2], arm[..., 0]
+    cross[..., 2, 0], cross[..., 2, 1] = arm[..., 1], -arm[..., 0]
+    result: Array = columns[..., :3, :] + cross @ columns[..., 3:, :]
+    return result
 
 
 def turn_between(R: Array, other: Array) -> Array:

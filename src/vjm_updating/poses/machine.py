@@ -194,8 +194,11 @@ class PoseMachine:
 
     def _add(self, part: Part, behind: str, *, rigid: bool) -> None:
         match part:
+            case Joint(passive=False, fixed=False) if part.rides_on:
+                self._append_springs(part, behind, rigid=rigid)
+                self._ends_at[part.name] = self._append_frame(part, part.name)
             case Joint(passive=False, fixed=False):
-                self._append_joint(part, behind, rigid=rigid)
+                self._append_springs(part, self._append_frame(part, behind), rigid=rigid)
             case RigidOffset():
                 self._append_link(part, behind)
             case Beam():
@@ -206,13 +209,6 @@ class PoseMachine:
                 self._append(part, behind)
             case _:
                 assert_never(part)
-
-    def _append_joint(self, joint: Joint, behind: str, *, rigid: bool) -> None:
-        if joint.rides_on:
-            self._append_springs(joint, behind, rigid=rigid)
-            self._ends_at[joint.name] = self._append_frame(joint, joint.name)
-        else:
-            self._append_springs(joint, self._append_frame(joint, behind), rigid=rigid)
 
     def _append_frame(self, joint: Joint, behind: str) -> str:
         """Joints for the errors of a joint's frame; the last one's name."""

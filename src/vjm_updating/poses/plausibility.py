@@ -334,7 +334,9 @@ def mistaken_rows(beside: Beside[D, F]) -> Iterator[Finding]:
     posture = np.unique(np.round(beside.data.q, 6), axis=0, return_inverse=True)[1].reshape(-1)
 
     def squares(begin: int, end: int) -> Array:
-        return np.array([_squares(one[begin:end]) for one in left])
+        """Mean squares of what was read; infinite where nothing was."""
+        known = [one[begin:end][np.isfinite(one[begin:end])] for one in left]
+        return np.array([float(np.mean(one**2)) if len(one) else np.inf for one in known])
 
     def judged(begin: int, end: int) -> tuple[np.ndarray, Array]:
         cost = levels[:, begin:end].sum(axis=1)
@@ -366,12 +368,6 @@ def _samples(posture: np.ndarray, begin: int, end: int) -> int:
     inside = posture[begin:end]
     whole = not np.isin(np.delete(posture, slice(begin, end)), inside).any()
     return len(np.unique(inside)) if whole else end - begin
-
-
-def _squares(left: Array) -> float:
-    """Mean square of what was read; infinite where nothing was."""
-    known = left[np.isfinite(left)]
-    return float(np.mean(known**2)) if len(known) else np.inf
 
 
 FARTHEST = LARGEST["joint_offset"] * MILLIRADIAN

@@ -115,20 +115,19 @@ def reasons(compared: Sequence[ComparedRow]) -> Iterator[str]:
         yield NOTHING_HELD_OUT
     for worth, against in product((Worth.WORSE, Worth.ALIKE), (SHEETS, OWN)):
         matching = [row for row in compared if row.verdict is worth and row.against == against and _counts(row)]
-        if matching:
-            yield f"it is {worth} than {against}: {', '.join(map(_said, matching))}"
+        said = []
+        for row in matching:
+            changed = "saved" if row.saved >= 0.0 else "lost"
+            by = f"{abs(row.saved):.0%} {changed} in the mean of the regions, where {row.noise:.0%} are noise"
+            said.append(f"{row.where} {row.uncalibrated_mm:.4g} to {row.file_mm:.4g} mm ({by})")
+        if said:
+            yield f"it is {worth} than {against}: {', '.join(said)}"
 
 
 def _counts(row: ComparedRow) -> bool:
     """Whether a comparison decides: one that is worse always, one that is no better where a gain is needed."""
     needed = row.against == SHEETS and not row.where.startswith(ON)
     return row.verdict is Worth.WORSE or (row.verdict is Worth.ALIKE and needed)
-
-
-def _said(row: ComparedRow) -> str:
-    changed = "saved" if row.saved >= 0.0 else "lost"
-    by = f"{abs(row.saved):.0%} {changed} in the mean of the regions, where {row.noise:.0%} are noise"
-    return f"{row.where} {row.uncalibrated_mm:.4g} to {row.file_mm:.4g} mm ({by})"
 
 
 def valid_within(study: Study) -> dict[str, tuple[float, float]]:

@@ -336,7 +336,8 @@ class Study(ABC):
         Raises:
             vjm.errors.NoConvergenceError: the model has no equilibrium in a posture.
         """
-        z = np.zeros(len(self.members)) if start is None else self._kept(start.z, hypothesis)
+        free = [m.family in hypothesis.families and m.name not in hypothesis.kept for m in self.members]
+        z = np.zeros(len(self.members)) if start is None else np.where(free, start.z, 0.0)
         frames = self.frames if start is None else start.frames
         sizes = None if start is None else start.solution.sizes
         noise = PostureNoise() if start is None else start.noise
@@ -398,10 +399,6 @@ class Study(ABC):
             return None, np.inf
         return linearised, float(np.nanmean(self.distance(linearised.residual)))
 
-    def _kept(self, z: Array, hypothesis: Hypothesis) -> Array:
-        free = [m.family in hypothesis.families and m.name not in hypothesis.kept for m in self.members]
-        return np.where(free, z, 0.0)
-
     def noise(self, linearised: Linearised) -> tuple[Array, Array]:
         """Standard deviations ``(g, k, 6)`` with the robust weights in them, and those ``(g, k)``."""
         said = self.scatter(linearised)
@@ -441,7 +438,12 @@ class Study(ABC):
         fit, *held = (self.distance(self.unwhitened(r, sigma)) for r in residuals)
         random, region, *others = held if self.folds.several else [np.full_like(fit, np.nan) for _ in held]
         series = others.pop() if self.folds.series is not None else None
-        return Errors(fit, random, region, _mean_of(others, random) if others else None, series)
+        levels = None
+        if others:
+            # the mean over the coordinates that have levels; at random where a reading lies in none
+            count = np.sum(np.isfinite(others), axis=0)
+            levels = np.where(count > 0, np.nansum(others, axis=0) / np.maximum(count, 1), random)
+        return Errors(fit, random, region, levels, series)
 
     def unwhitened(self, whitened: Array, sigma: Array) -> Array:
         """Residuals ``(g, k, 6)`` from whitened rows."""
@@ -617,13 +619,6 @@ class SeriesStudy(Study):
         """The same series of the machine in which some springs have the model's compliance all the same."""
         machine = self._machine(self.machine.chain, springs)
         return type(self)(self.sheet, machine, self.data, self.outliers)
-
-
-def _mean_of(levels: Sequence[Array], random: Array) -> Array:
-    """Mean distances ``(g, k)`` over the coordinates that have levels; at random where a reading lies in none."""
-    count = np.sum(np.isfinite(levels), axis=0)
-    result: Array = np.where(count > 0, np.nansum(levels, axis=0) / np.maximum(count, 1), random)
-    return result
 
 
 def outlying(misfit: Array) -> np.ndarray:

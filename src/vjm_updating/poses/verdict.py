@@ -60,7 +60,11 @@ def contrasts(study: Study, state: FittedState) -> list[PoseContrastRow]:
         elif member.family == "joint_offset" and part in study.data.joints:
             j = study.data.joints.index(part)
             what = "angle" if part in study.machine.turning else "coordinate"
-            asked[f"{what} of {part}", "angle"] = [_smooth(study.data.q[:, j])[blocks.posture] * column]
+            q = study.data.q[:, j]
+            middle, half = 0.5 * (q.max() + q.min()), max(0.5 * float(np.ptp(q)), 1e-12)
+            # up to a degree of as many as a gear has waves
+            smooth = legvander((q - middle) / half, len(WAVES))
+            asked[f"{what} of {part}", "angle"] = [smooth[blocks.posture] * column]
             torque = np.nan_to_num(study.data.torque[:, j])
             if np.ptp(torque) > 0.0:
                 asked[f"measured torque of {part}", "torque"] = [torque[blocks.posture][:, None] * column]
@@ -89,13 +93,6 @@ def _left(state: FittedState) -> tuple[Array, Array]:
     y = blocks.y - blocks.J[:, active] @ state.solution.z[active]
     Q = np.linalg.qr(blocks.J[:, : blocks.nuisances])[0]
     return y - Q @ (Q.T @ y), Q
-
-
-def _smooth(q: Array) -> Array:
-    """Legendre's polynomials ``(g, 5)`` of a coordinate, up to a degree of as many as a gear has waves."""
-    middle, half = 0.5 * (q.max() + q.min()), max(0.5 * float(np.ptp(q)), 1e-12)
-    result: Array = legvander((q - middle) / half, len(WAVES))
-    return result
 
 
 def _share(name: str, kind: str, left: Array, Q: Array, columns: Array) -> PoseContrastRow:
