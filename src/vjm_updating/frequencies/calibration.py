@@ -194,9 +194,6 @@ def _spread(fitter: Fitter, fit: Fit, unknowns: Unknowns) -> Array:
     return np.full(whitening.present.shape[1], spread_by(float(r @ r), max(len(r) - used, 1.0)))
 
 
-# ------------------------------------------------------------------------------------------------------------------
-
-
 SURE = stated_level(0.95)
 """Probability of a pairing below which it is said that another one may be right."""
 

@@ -71,9 +71,6 @@ class FrequencySheet(Sheet):
         return self
 
 
-# ------------------------------------------------------------------------------------------------------------------
-
-
 READING, PAYLOAD = "reading", "payload_kg"
 FREQUENCY, DEVIATION = re.compile(r"f([1-9]\d?)_Hz"), re.compile(r"f([1-9]\d?)_std_Hz")
 COORDINATE = re.compile(r"(.+)\.q_(?:rad|mm)")

@@ -453,9 +453,6 @@ def _lever(k: float) -> float:
     return _moment(k, 1) / _moment(k, 0)
 
 
-# ------------------------------------------------------------------------------------------------------------------
-
-
 LIKE_A_BEAM = tuned(5e-3)
 """Scaled half-interval within which a beam counts as the part's, where the bounds are closer."""
 DEPTHS = physical_bound(6.0)

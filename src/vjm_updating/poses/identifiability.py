@@ -99,9 +99,6 @@ def marginals(blocks: Blocks, solution: PoseSolution, noise: PostureNoise) -> Ma
     return Marginal(draws.std(axis=0), first, last, side, pull, draws)
 
 
-# ------------------------------------------------------------------------------------------------------------------
-
-
 DRAWS, SEED = numerical(8000), numerical(17)
 LEARNT = stated_level(0.9)
 """Posterior over prior standard deviation above which the data say nothing of a member."""

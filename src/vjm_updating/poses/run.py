@@ -156,9 +156,6 @@ def _row(where: str, against: str, was: Array, now: Array, block: np.ndarray, we
     )  # fmt: skip
 
 
-# ------------------------------------------------------------------------------------------------------------------
-
-
 # --- What acts, what may act, and the residual, by the probabilities of a selection's hypotheses ------------------
 
 
@@ -180,9 +177,6 @@ def pose_findings(selection: Selection, verdict: PoseVerdict) -> FindingsRow:
         more_than_noise=verdict.remainder.significant,
         trusted=verdict.kind != "unknown",
     )
-
-
-# ------------------------------------------------------------------------------------------------------------------
 
 
 URDF, MJCF = "calibrated.urdf", "calibrated.xml"

@@ -121,9 +121,6 @@ def law_evidence(
     return -0.5 * integrated(sizes, left, LAW_ERROR)
 
 
-# ------------------------------------------------------------------------------------------------------------------
-
-
 # --- Which members a test can know at all, before anything is fitted ----------------------------------------------
 #
 # Functions of a joint's angle: sine and cosine over a part of a turn are polynomials, such as frames, weights and
@@ -212,9 +209,6 @@ def _imitated(q: Array, way: Array) -> float:
     left = way - A @ np.linalg.lstsq(A, way, rcond=None)[0]
     total = way - way.mean()
     return 1.0 - float(left @ left) / max(float(total @ total), 1e-12)
-
-
-# ------------------------------------------------------------------------------------------------------------------
 
 
 ROUNDS = numerical(4)

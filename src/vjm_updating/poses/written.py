@@ -184,9 +184,6 @@ def _compliances(
         table["lateral_rad_per_Nmm"] = [v if v > SMALLEST else 0.0 for v in both]
 
 
-# ------------------------------------------------------------------------------------------------------------------
-
-
 @dataclass(frozen=True)
 class Written:
     """What a model file says of a test.
