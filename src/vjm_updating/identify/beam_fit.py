@@ -424,13 +424,10 @@ class _Quantity:
 
 
 def ranges(fits: list[BeamFit]) -> dict[str, Range]:
-    """Range of length, direction, offset and stiffnesses over the beams that meet every entry.
+    """Range of length, direction, offset and stiffnesses over the beams of one form that meet every entry.
 
     Each end is found by a local search from every given fit. What is reported is reached for certain; the set may
     be wider yet.
-
-    Args:
-        fits: beams of one form that meet every entry.
 
     Returns:
         By name with its unit: ``length_mm``, ``azimuth_deg``, ``elevation_deg``, ``offset_x_mm``, ``EA_N`` etc.

@@ -184,12 +184,9 @@ class ComplianceMeasurement:
 def measure(
     specimen: Specimen, meshes: tuple[int, int, int] = MESHES, *, corrected: bool = True
 ) -> ComplianceMeasurement:
-    """Compliance of a body at its tip, with the uncertainty of every entry.
+    """Compliance of a body at its tip, with the uncertainty of every entry, by meshes each twice the one before.
 
-    Args:
-        specimen: the body.
-        meshes: three refinements, each twice the one before.
-        corrected: the finite element's residual-flexibility correction, see `vjm_fea.common.mesh.Mesh`.
+    ``corrected`` takes the finite element's residual-flexibility correction, see `vjm_fea.common.mesh.Mesh`.
 
     Raises:
         NoConvergenceError: a solution at finite load was not found.

@@ -387,13 +387,9 @@ def experiments_document(measurement: ComplianceMeasurement, meshes: tuple[int, 
 
 
 def reference_document(name: str, reference: Array, compliance: Array, *, printed: bool) -> ReferenceDocument:
-    """Another matrix ``(6, 6)`` of the part beside the one found.
+    """Another matrix ``(6, 6)`` of the part beside the one found; entries that are printed are rounded ones.
 
-    Args:
-        name: of the reference.
-        reference: its entries.
-        compliance: the identified compliance.
-        printed: whether its entries are rounded ones, with as many digits as the longest of them has.
+    They have as many digits as the longest of them.
     """
     digits = _digits(reference) if printed else None
     outside = {}

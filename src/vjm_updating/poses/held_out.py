@@ -234,13 +234,8 @@ def distances_of(one: SeriesStudy, study: Study, state: FittedState) -> Array:
 def refitted(study: SeriesStudy, forward: ReadingsForward, z: Array, free: list[int]) -> tuple[Array, Array]:
     """Distances ``(g, k)`` mm of a test by given members, its frames and some of the members fitted, and weights.
 
-    The weights ``(g, k)`` are those of outliers.
-
-    Args:
-        study: the test.
-        forward: its model, with the members.
-        z: ``(P,)`` their sizes, in their units.
-        free: members that are fitted from there, known to `ZERO` units.
+    The weights ``(g, k)`` are those of outliers. Members have sizes z ``(P,)`` in their units; those that are free
+    are fitted from there, known to `ZERO` units.
     """
     frames, last = study.frames, np.inf
     start = z[free].copy()
@@ -268,10 +263,7 @@ def refitted(study: SeriesStudy, forward: ReadingsForward, z: Array, free: list[
 def by_machine(study: Study, chain: Machine | None = None, *, zeros: bool = False) -> tuple[Array, Array]:
     """Distances ``(g, k)`` mm of a test by a machine, and the weights of outliers.
 
-    Args:
-        study: the test.
-        chain: the machine of a model file; None: the test's own, extended.
-        zeros: whether zeros are fitted beside the frames.
+    It is the machine of a model file, or None: the test's own, extended. Zeros may be fitted beside the frames.
     """
     if isinstance(study, PooledStudy):
         pairs = []

@@ -221,13 +221,7 @@ def check_columns(
 ) -> None:  # fmt: skip
     """Refuse columns that are of nothing that the sheet or the model has.
 
-    Args:
-        header: names of the columns.
-        sheet: of the test.
-        machine: the model's.
-        keys: what stands behind a joint's name.
-        owners: tables of the sheet whose names columns have.
-        whole: names of columns of none of them.
+    A column is of a joint, with one of the keys behind its name, of an owner, or is named as a whole.
 
     Raises:
         ValueError: one is; one line.

@@ -153,11 +153,7 @@ def shifted_rows(data: D, what: str) -> Iterator[Change[D]]:
 
 
 def axes(present: np.ndarray) -> Iterator[tuple[list[int], Array, str, str]]:
-    """Exchanged, cycled and reversed axes: their order, signs ``(3,)``, a name, what to do.
-
-    Args:
-        present: ``(3,)`` which axes have columns: what is not there was not mistaken.
-    """
+    """Exchanged, cycled and reversed axes of those present ``(3,)``: order, signs ``(3,)``, a name, a remedy."""
     x = "xyz"
     for i, j in itertools.combinations(np.flatnonzero(present).tolist(), 2):
         order = list(range(3))

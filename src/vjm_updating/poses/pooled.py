@@ -519,12 +519,7 @@ class ScatteredBlocks(Blocks):
         return N, b, c
 
     def spread(self, correlated: Array, common: Array) -> Array:
-        """``JᵀW (K + D Dᵀ + G T Gᵀ) W J`` with the weights W that the deviations leave, the derivatives J.
-
-        Args:
-            correlated: ``(rows, P)`` a root of the correlation K of the readings, times J.
-            common: ``(rows, w)`` D.
-        """
+        """``JᵀW (K + D Dᵀ + G T Gᵀ) W J`` with the weights W that the deviations leave; see `Blocks.spread`."""
         assert self.series is not None
         assert self.variance is not None
         own = np.flatnonzero(self.variance)

@@ -55,11 +55,9 @@ class Folds:
 
 
 def folds_of(q: Array, coordinates: Mapping[str, Array]) -> Folds:
-    """Folds of postures.
+    """Folds of postures ``(g, n)``, rad and mm.
 
-    Args:
-        q: ``(g, n)`` coordinates of the joints, rad and mm.
-        coordinates: by name, ``(g,)`` each, what may be moved through a grid: joints, and places of the end.
+    ``coordinates`` (g,) by their names may be moved through a grid: joints, and places of the end.
     """
     _, posture = np.unique(np.round(q / SAME) * SAME, axis=0, return_inverse=True)
     posture = posture.reshape(-1)
@@ -78,13 +76,10 @@ def folds_of(q: Array, coordinates: Mapping[str, Array]) -> Folds:
 
 
 def levels_of(values: Array) -> np.ndarray | None:
-    """Numbers of the levels ``(n,)`` of a coordinate; None where it lies in none.
+    """Numbers of the levels ``(n,)`` of a coordinate ``(n,)`` of different postures; None where it lies in none.
 
     Levels lie further apart than any of them is wide, as readings of commanded values do. Each is met twice at
     least, so that a posture held out at random has a neighbour there, and none has more than half of the postures.
-
-    Args:
-        values: ``(n,)`` of different postures, in any unit.
     """
     order = np.argsort(values, kind="stable")
     gaps = np.diff(values[order])

@@ -618,8 +618,7 @@ class SeriesStudy(Study):
 def outlying(misfit: Array) -> np.ndarray:
     """Readings that are too far off to be of the others' distribution: Student's, of `TAIL`, with their median.
 
-    Args:
-        misfit: lengths of vectors of three errors, any shape and unit; nan where there is none.
+    Misfits are lengths of vectors of three errors, of any shape and unit; nan where there is none.
     """
     count = int(np.isfinite(misfit).sum())
     F = float(fdtri(3.0, TAIL, 0.5)) * (misfit / np.nanmedian(misfit)) ** 2
