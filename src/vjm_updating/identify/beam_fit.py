@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from functools import cached_property
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -415,12 +415,8 @@ class Range:
         return self.high < OPEN * self.low
 
 
-@dataclass(frozen=True)
-class _Quantity:
-    """A function of a point: its value, its gradient ``(n,)``; for a stiffness its logarithm and its coordinate."""
-
-    value: Callable[[Array], tuple[float, Array]]
-    coordinate: int | None = None
+Quantity: TypeAlias = Callable[[Array], tuple[float, Array]]
+"""A function of a point: its value, of a stiffness its logarithm, and its gradient ``(n,)``."""
 
 
 def ranges(fits: list[BeamFit]) -> dict[str, Range]:
@@ -437,19 +433,20 @@ def ranges(fits: list[BeamFit]) -> dict[str, Range]:
         beam = as_people_write_it(fit.beam)
         space = Space(fit.space.target, fit.space.form, beam.section_frame)
         x = space.point(beam)
-        for name, quantity in _quantities(space).items():
+        for name, (quantity, k) in _quantities(space).items():
             if name == "azimuth_deg" and abs(beam.section_frame[2, 0]) > UPRIGHT:
                 continue
-            low, high = (_end(space, x, quantity, sign) for sign in (-1, 1))
+            low, high = (_end(space, x, quantity, k, sign) for sign in (-1, 1))
             before = intervals.get(name, Range(np.inf, -np.inf))
             intervals[name] = Range(min(low, before.low), max(high, before.high))
     return intervals
 
 
-def _quantities(space: Space) -> dict[str, _Quantity]:
+def _quantities(space: Space) -> dict[str, tuple[Quantity, int | None]]:
+    """Quantities by name; of stiffnesses their coordinates, too."""
     n = len(space.bounds[0])
 
-    def linear(slope: Array) -> Callable[[Array], tuple[float, Array]]:
+    def linear(slope: Array) -> Quantity:
         return lambda x: (float(slope @ x), slope)
 
     def azimuth(x: Array) -> tuple[float, Array]:
@@ -467,51 +464,49 @@ def _quantities(space: Space) -> dict[str, _Quantity]:
         L = float(np.exp(x[3]))
         return L, L * np.eye(n)[3]
 
-    result = {
-        "length_mm": _Quantity(length),
-        "azimuth_deg": _Quantity(azimuth),
-        "elevation_deg": _Quantity(elevation),
-    }
+    result: dict[str, tuple[Quantity, int | None]] = {
+        "length_mm": (length, None), "azimuth_deg": (azimuth, None), "elevation_deg": (elevation, None)
+    }  # fmt: skip
     first = 4
     if space.form is Form.OFFSET:
         for k, axis in enumerate("xyz"):
-            result[f"offset_{axis}_mm"] = _Quantity(linear(space.target.size * np.eye(n)[4 + k]))
+            result[f"offset_{axis}_mm"] = linear(space.target.size * np.eye(n)[4 + k]), None
         first = 7
     names = STIFFNESSES if space.form is Form.SHEARED else STIFFNESSES[:4]
     for k, name in enumerate(names, first):
-        result[name] = _Quantity(linear(np.eye(n)[3] - np.eye(n)[k]), k)
+        result[name] = linear(np.eye(n)[3] - np.eye(n)[k]), k
     return result
 
 
-def _end(space: Space, x: Array, quantity: _Quantity, sign: int) -> float:
+def _end(space: Space, x: Array, quantity: Quantity, k: int | None, sign: int) -> float:
     """Furthest value over the beams that meet every entry, searched from one that does."""
     point, radius = x, np.inf
     for _ in range(TRIALS):
         y = _ahead(space, point, quantity, sign, radius)
-        gain = sign * (quantity.value(y)[0] - quantity.value(point)[0])
+        gain = sign * (quantity(y)[0] - quantity(point)[0])
         if BeamFit(space, y).worst > 1.0 + SLACK or gain < 0.0:
             # the linear model led astray: go on with smaller steps
             radius = min(0.3 * radius, FIRST_RADIUS)
             continue
-        enough = gain < ENOUGH * (1.0 + abs(quantity.value(y)[0]))
+        enough = gain < ENOUGH * (1.0 + abs(quantity(y)[0]))
         point, radius = y, 3.0 * radius
         if enough:
             break
-    value, k = quantity.value(point)[0], quantity.coordinate
+    value = quantity(point)[0]
     if k is None:
         return value
     low = space.bounds[0][k]
     return float("inf") if sign > 0 and point[k] < low + AT_THE_BOUND else float(np.exp(value))
 
 
-def _ahead(space: Space, x: Array, quantity: _Quantity, sign: int, radius: float) -> Array:
+def _ahead(space: Space, x: Array, quantity: Quantity, sign: int, radius: float) -> Array:
     """A point further on, at most ``radius`` away in every coordinate."""
     # near one whatever the quantity, so that one tolerance serves all
-    unit = max(float(np.linalg.norm(quantity.value(x)[1])), 1e-12)
+    unit = max(float(np.linalg.norm(quantity(x)[1])), 1e-12)
     low, high = space.bounds
 
     def objective(y: Array) -> tuple[float, Array]:
-        value, slope = quantity.value(y)
+        value, slope = quantity(y)
         return -sign * value / unit, -sign * slope / unit
 
     def margins(y: Array) -> tuple[Array, Array]:

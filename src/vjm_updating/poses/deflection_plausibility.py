@@ -153,29 +153,24 @@ class BesideSprings(Beside[DeflectionData, Array]):
         return displacements
 
 
-def _stiffness(data: DeflectionData, machine: PoseMachine) -> tuple[float, float, tuple[float, float]]:
-    """Of the marker that moves most: stiffness, N/mm; distance from the base, mm; bounds of a robot's stiffness."""
-    place = unloaded_frames(machine.tree, machine.rows(data.q))[1][:, : len(data.markers)]
-    force = np.linalg.norm(data.load[..., :3], axis=2).sum(axis=1)
-    moment = np.linalg.norm(data.load[..., 3:], axis=2).sum(axis=1)
-    size = np.linalg.norm(np.nan_to_num(data.position), axis=2)
-    j = int(np.argmax(size.max(axis=0)))
-    reach = float(np.nanmedian(np.linalg.norm(place[:, j], axis=1)))
-    bounds = KILOGRAM / (SAGS * reach), 3.0 * STEEL * np.pi / 64.0 * reach / SLENDER**4
-    loaded = (force + moment > 0.0) & np.isfinite(data.position[:, j]).all(axis=1)
-    if not loaded.any() or not size[loaded, j].any():
-        return np.nan, reach, bounds
-    acts = force[loaded] + moment[loaded] / max(reach, 1.0)
-    return float(acts.sum() / size[loaded, j].sum()), reach, bounds
-
-
 def impossible_size(data: DeflectionData, machine: PoseMachine) -> Iterator[Finding]:
     """Loads over displacements of a robot stiffer than solid steel, or of one that would fall."""
     if not np.nan_to_num(data.position).any():
         yield Finding(Grade.REFUSED, data.file, "the displacements are all zero: nothing moved")
         return
-    stiffness, reach, (least, most) = _stiffness(data, machine)
-    if not (stiffness < least or stiffness > most):
+    place = unloaded_frames(machine.tree, machine.rows(data.q))[1][:, : len(data.markers)]
+    force, moment = (np.linalg.norm(half, axis=2).sum(axis=1) for half in (data.load[..., :3], data.load[..., 3:]))
+    size = np.linalg.norm(np.nan_to_num(data.position), axis=2)
+    # of the marker that moves most: its distance from the base, and the stiffnesses that a robot may have there
+    j = int(np.argmax(size.max(axis=0)))
+    reach = float(np.nanmedian(np.linalg.norm(place[:, j], axis=1)))
+    least, most = KILOGRAM / (SAGS * reach), 3.0 * STEEL * np.pi / 64.0 * reach / SLENDER**4
+    loaded = (force + moment > 0.0) & np.isfinite(data.position[:, j]).all(axis=1)
+    if not loaded.any() or not size[loaded, j].any():
+        return
+    acts = force[loaded] + moment[loaded] / max(reach, 1.0)
+    stiffness = float(acts.sum() / size[loaded, j].sum())
+    if least <= stiffness <= most:
         return
     softer = {f"displacements in {unit}": (f, stiffness / f) for unit, f in LENGTHS.items()}
     forces = {words: (f, stiffness * f) for words, f, _ in UNITS if words.startswith("forces")}
