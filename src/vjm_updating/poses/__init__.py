@@ -2,7 +2,7 @@
 
 Readings pass from top to bottom:
 
-- `measurement`, `deflections`: a test from its files. `plausibility`, `deflection_plausibility`: mistakes in it.
+- `measurement`, `deflections`: a test from its files. `plausibility`: mistakes in it.
 - `machine`: the robot with a place for every error; `families`: which of them are thought of together.
 - `forward`: where the markers are, with derivatives.
 - `state`, `fit`, `study`, `pose_study`: a hypothesis and its fit.

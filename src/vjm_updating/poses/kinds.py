@@ -12,8 +12,7 @@ import numpy as np
 from vjm.io.findings import Finding, refuse
 from vjm_updating.experiment.data_file import DataError, SheetSource, TableSource, source_of_sheet, table_of
 from vjm_updating.experiment.sheet import kind_of_sheet, read_sheet_of
-from vjm_updating.poses import deflection_plausibility as of_deflections
-from vjm_updating.poses import plausibility as of_poses
+from vjm_updating.poses import plausibility
 from vjm_updating.poses.deflections import DeflectionSheet, DeflectionStudy, ends_of_test, read_deflections
 from vjm_updating.poses.identifiability import NEXT_SEED as SEED
 from vjm_updating.poses.measurement import (
@@ -96,12 +95,12 @@ def _poses(data: TableSource, sheet: SheetSource) -> PreparedTest:
     model, table = model_of(page, ends_of(page.markers)), table_of(data)
     with table.named():
         read = RobotMeasurement(page, read_poses(table, page, model.machine), model, "poses")
-    refuse(of_poses.units(read))
+    refuse(plausibility.units(read))
     study = PoseStudy(page, model.machine, read.data).without_outliers()
-    of_poses.check_count(study)
+    plausibility.check_count(study)
 
     def considered(strict: bool) -> list[Finding]:
-        return of_poses.considered(read, study, strict=strict)
+        return plausibility.considered(read, study, strict=strict)
 
     return PreparedTest(read, study, considered, lambda path: _candidates(path, study, read.data.markers))
 
@@ -112,13 +111,13 @@ def _deflections(data: TableSource, sheet: SheetSource) -> PreparedTest:
     with table.named():
         readings = read_deflections(table, page, model.machine)
     read = RobotMeasurement(page, readings, model, "deflections")
-    refuse(of_deflections.units(readings, model.machine))
+    refuse(plausibility.deflection_units(readings, model.machine))
     whole = DeflectionStudy(page, model.machine, readings)
-    of_deflections.check_count(whole)
+    plausibility.check_deflection_count(whole)
     study = whole.without_outliers()
 
     def considered(strict: bool) -> list[Finding]:
-        return of_deflections.considered(read, study, strict=strict)
+        return plausibility.deflections_considered(read, study, strict=strict)
 
     return PreparedTest(read, study, considered, lambda path: _candidates(path, study, study.points))
 
