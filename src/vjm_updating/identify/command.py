@@ -72,21 +72,11 @@ def examine(raw: RawMatrix) -> IdentificationDocument:
     aim = target(raw)
     beams = [beam_document(one) for one in searches(aim)]
     return IdentificationDocument(
-        version=__version__,
-        source="matrix",
-        name=raw.file,
-        model=None,
-        sha256=raw.sha256,
-        axes="the file's own",
-        kind=raw.kind,
-        rounding=raw.rounding,
-        compliance=aim.matrix.tolist(),
-        uncertainty=intervals(aim.half),
-        experiments=None,
-        references=[],
-        beams=beams,
+        version=__version__, source="matrix", name=raw.file, model=None, sha256=raw.sha256,
+        axes="the file's own", kind=raw.kind, rounding=raw.rounding, compliance=aim.matrix.tolist(),
+        uncertainty=intervals(aim.half), experiments=None, references=[], beams=beams,
         findings=[*words.of_matrix(raw), *words.of_beams(beams)],
-    )
+    )  # fmt: skip
 
 
 def _by_experiment(
@@ -101,21 +91,12 @@ def _by_experiment(
     experiments = experiments_document(measured, meshes)
     beams = [beam_document(one) for one in searches(aim)]
     return IdentificationDocument(
-        version=__version__,
-        source="part",
-        name=specimen.name,
-        model=model,
-        sha256=sha256,
-        axes=specimen.axes,
-        kind="compliance",
-        rounding=f"of the experiments, at least {FIT_RESOLUTION:g} of √(c_ii c_jj)",
-        compliance=C.tolist(),
-        uncertainty=measured.uncertainty.tolist(),
-        experiments=experiments,
-        references=references,
-        beams=beams,
+        version=__version__, source="part", name=specimen.name, model=model, sha256=sha256, axes=specimen.axes,
+        kind="compliance", rounding=f"of the experiments, at least {FIT_RESOLUTION:g} of √(c_ii c_jj)",
+        compliance=C.tolist(), uncertainty=measured.uncertainty.tolist(), experiments=experiments,
+        references=references, beams=beams,
         findings=[*words.of_experiments(experiments, references), *words.of_beams(beams)],
-    )
+    )  # fmt: skip
 
 
 @dataclass(frozen=True)

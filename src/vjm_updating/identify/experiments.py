@@ -204,17 +204,11 @@ def measure(
     rounding = 0.5 * asymmetry * scale
     linearity, discretisation = (np.maximum(part, part.T) for part in (linearity, discretisation))
     return ComplianceMeasurement(
-        compliance=C,
-        uncertainty=linearity + discretisation + rounding,
-        linearity=linearity,
-        discretisation=discretisation,
-        rounding=rounding,
-        asymmetry=asymmetry,
-        order=order,
-        extrapolated=_whole(order) is not None,
-        smallest_eigenvalue=float(np.linalg.eigvalsh(C / scale)[0]),
+        compliance=C, uncertainty=linearity + discretisation + rounding, linearity=linearity,
+        discretisation=discretisation, rounding=rounding, asymmetry=asymmetry, order=order,
+        extrapolated=_whole(order) is not None, smallest_eigenvalue=float(np.linalg.eigvalsh(C / scale)[0]),
         loads=sizes,
-    )
+    )  # fmt: skip
 
 
 def _sizes(compliance: Array) -> Array:

@@ -333,27 +333,17 @@ def beam_document(result: FormSearch) -> BeamDocument:
     i, j = divmod(int(np.argmax(np.abs(misfit))), 6)
     widths = ranges([one for one in (result.nearest, *result.levelled) if one.met])
     return BeamDocument(
-        form=fit.space.form.value,
-        met=result.met,
-        smallest_worst_misfit=result.worst,
-        length_mm=beam.length,
-        direction=beam.section_frame[:, 0].tolist(),
-        section_axes=beam.section_frame.tolist(),
-        offset_mm=beam.end_offset.tolist(),
-        EA_N=shown(section.EA, turn=False),
-        GJ_Nmm2=shown(section.GJ, turn=True),
-        EIy_Nmm2=shown(section.EIy, turn=True),
-        EIz_Nmm2=shown(section.EIz, turn=True),
-        GAy_N=_finite(section.GAy),
-        GAz_N=_finite(section.GAz),
-        compliance=beam.beam_compliance().tolist(),
-        misfit=misfit.tolist(),
-        worst_entry=entry_name(min(i, j), max(i, j)),
-        worst_misfit=fit.worst,
+        form=fit.space.form.value, met=result.met, smallest_worst_misfit=result.worst, length_mm=beam.length,
+        direction=beam.section_frame[:, 0].tolist(), section_axes=beam.section_frame.tolist(),
+        offset_mm=beam.end_offset.tolist(), EA_N=shown(section.EA, turn=False),
+        GJ_Nmm2=shown(section.GJ, turn=True), EIy_Nmm2=shown(section.EIy, turn=True),
+        EIz_Nmm2=shown(section.EIz, turn=True), GAy_N=_finite(section.GAy), GAz_N=_finite(section.GAz),
+        compliance=beam.beam_compliance().tolist(), misfit=misfit.tolist(),
+        worst_entry=entry_name(min(i, j), max(i, j)), worst_misfit=fit.worst,
         worst_scaled=float(np.max(np.abs(misfit) * open_ / scaling(aim.matrix))),
         ranges={name: RangeDocument(low=r.low, high=_finite(r.high)) for name, r in widths.items()},
         not_identifiable=_not_identifiable(widths, fit.space.form),
-    )
+    )  # fmt: skip
 
 
 def _not_identifiable(widths: dict[str, Range], form: Form) -> list[str]:
@@ -373,17 +363,14 @@ def experiments_document(measurement: ComplianceMeasurement, meshes: tuple[int, 
     """How a compliance was measured."""
     scale = scaling(measurement.compliance)
     return ExperimentsDocument(
-        elements=list(meshes),
-        loads=measurement.loads.tolist(),
+        elements=list(meshes), loads=measurement.loads.tolist(),
         linearity=float(np.max(measurement.linearity / scale)),
         discretisation=float(np.max(measurement.discretisation / scale)),
-        rounding=float(np.max(measurement.rounding / scale)),
-        order=measurement.order,
-        extrapolated=measurement.extrapolated,
-        asymmetry=measurement.asymmetry,
+        rounding=float(np.max(measurement.rounding / scale)), order=measurement.order,
+        extrapolated=measurement.extrapolated, asymmetry=measurement.asymmetry,
         smallest_eigenvalue=measurement.smallest_eigenvalue,
         positive_definite=measurement.smallest_eigenvalue > 0.0,
-    )
+    )  # fmt: skip
 
 
 def reference_document(name: str, reference: Array, compliance: Array, *, printed: bool) -> ReferenceDocument:

@@ -390,15 +390,11 @@ def stress_document(part: SolidCompliance, wrench: Array, yield_stress: float | 
     where = int(np.argmax(stress))
     inner = int(np.argmax(np.where(away, stress, -1.0)))
     return StressDocument(
-        wrench=wrench.tolist(),
-        tip=tip.value,
-        largest_MPa=float(stress[where]),
-        largest_at_mm=points[where].tolist(),
-        away_MPa=float(stress[inner]),
-        away_at_mm=points[inner].tolist(),
+        wrench=wrench.tolist(), tip=tip.value, largest_MPa=float(stress[where]),
+        largest_at_mm=points[where].tolist(), away_MPa=float(stress[inner]), away_at_mm=points[inner].tolist(),
         yield_MPa=yield_stress,
         factor_to_yield=None if yield_stress is None else yield_stress / float(stress[inner]),
-    )
+    )  # fmt: skip
 
 
 # --- A straight tapered beam like a compliance: bending stiffness at root and end in both planes, in closed form
@@ -470,35 +466,18 @@ def solid_document(
     taper = tapered(middle(part), part.at - part.base_centre)
     force, words = buckling_of(part, beams)
     return SolidDocument(
-        version=__version__,
-        name=task.path.name,
-        sha256=hashlib.sha256(task.path.read_bytes()).hexdigest(),
-        youngs_modulus_MPa=task.material.youngs_modulus,
-        poissons_ratio=task.material.poissons_ratio,
-        density_kg_per_m3=1e9 * task.material.density or None,
-        base_faces=list(part.ends.base),
-        tip_faces=list(part.ends.tip),
-        base_held=task.held.value,
-        base_centre_mm=part.base_centre.tolist(),
-        tip_centre_mm=part.tip_centre.tolist(),
-        read_at_mm=part.at.tolist(),
+        version=__version__, name=task.path.name, sha256=hashlib.sha256(task.path.read_bytes()).hexdigest(),
+        youngs_modulus_MPa=task.material.youngs_modulus, poissons_ratio=task.material.poissons_ratio,
+        density_kg_per_m3=1e9 * task.material.density or None, base_faces=list(part.ends.base),
+        tip_faces=list(part.ends.tip), base_held=task.held.value, base_centre_mm=part.base_centre.tolist(),
+        tip_centre_mm=part.tip_centre.tolist(), read_at_mm=part.at.tolist(),
         meshes=[MeshDocument(size_mm=h, unknowns=n) for h, n in zip(part.sizes, part.unknowns, strict=True)],
-        stopped=part.stopped,
-        accuracy_asked=task.accuracy,
-        accuracy_reached=part.relative,
-        bounds=[_bound(tip, bound) for tip, bound in bounds.items()],
-        bounds_apart=apart(part),
-        volume_mm3=part.volume,
-        mass_kg=part.mass or None,
-        centre_of_mass_mm=part.centre.tolist(),
-        beams=beams,
-        taper=taper,
-        stress=stress,
-        bodies=part.bodies,
-        buckling_N=force,
-        warnings=_warnings(part, beams, bonded),
-        findings=_findings(part, beams, taper, words),
-    )
+        stopped=part.stopped, accuracy_asked=task.accuracy, accuracy_reached=part.relative,
+        bounds=[_bound(tip, bound) for tip, bound in bounds.items()], bounds_apart=apart(part),
+        volume_mm3=part.volume, mass_kg=part.mass or None, centre_of_mass_mm=part.centre.tolist(), beams=beams,
+        taper=taper, stress=stress, bodies=part.bodies, buckling_N=force,
+        warnings=_warnings(part, beams, bonded), findings=_findings(part, beams, taper, words),
+    )  # fmt: skip
 
 
 def middle(part: SolidCompliance) -> Array:
@@ -525,16 +504,12 @@ def beams_of(part: SolidCompliance) -> list[BeamDocument]:
 def _bound(tip: TipLoad, bound: Bound) -> BoundDocument:
     C, last = bound.limit.compliance, bound.meshes[-1]
     return BoundDocument(
-        tip=tip.value,
-        compliance=C.tolist(),
-        interval=bound.limit.interval.tolist(),
+        tip=tip.value, compliance=C.tolist(), interval=bound.limit.interval.tolist(),
         order=[[None if np.isnan(p) else float(p) for p in row] for row in bound.limit.order],
-        last_mesh=last.tolist(),
-        fitted=bound.fitted.tolist(),
-        fitted_difference=float(np.max(np.abs(bound.fitted - last) / scaling(last))),
-        left_out=bound.left_out,
+        last_mesh=last.tolist(), fitted=bound.fitted.tolist(),
+        fitted_difference=float(np.max(np.abs(bound.fitted - last) / scaling(last))), left_out=bound.left_out,
         smallest_eigenvalue=float(np.linalg.eigvalsh(C / scaling(C))[0]),
-    )
+    )  # fmt: skip
 
 
 def _warnings(part: SolidCompliance, beams: list[BeamDocument], bonded: bool) -> list[str]:

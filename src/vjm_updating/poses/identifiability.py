@@ -140,22 +140,13 @@ def estimates(study: Study, state: FittedState) -> list[MemberRow]:
         )
         result.append(
             MemberRow(
-                name=member.name,
-                value=value,
-                std=sd * member.scale,
-                interval95=[first, last],
-                within_series95=[low, high],
-                scatter=float(scatter.tau[unknown - n]) * member.scale,
-                one_sided=SIDES[side],
-                unit=member.unit,
-                learnt=max(1.0 - (sd / prior) ** 2, 0.0),
-                identifiable=says and sd < LEARNT * prior,
-                one_with=together.get(member.name, []),
-                at_bound=int(unknown) in bound,
-                in_file=None,
-                beyond_bound=float(marginal.pull[place]),
+                name=member.name, value=value, std=sd * member.scale, interval95=[first, last],
+                within_series95=[low, high], scatter=float(scatter.tau[unknown - n]) * member.scale,
+                one_sided=SIDES[side], unit=member.unit, learnt=max(1.0 - (sd / prior) ** 2, 0.0),
+                identifiable=says and sd < LEARNT * prior, one_with=together.get(member.name, []),
+                at_bound=int(unknown) in bound, in_file=None, beyond_bound=float(marginal.pull[place]),
             )
-        )
+        )  # fmt: skip
     return result
 
 

@@ -169,14 +169,10 @@ def pose_findings(selection: Selection, verdict: PoseVerdict) -> FindingsRow:
         missed[name] = max(sum(errors.judged) - sum(state.errors.judged), 0.0)
     explained, together = max(verdict.explained, 0.0), sum(missed.values())
     return findings_of(
-        probability,
-        {name: explained * m / together if together else 0.0 for name, m in missed.items()},
-        groups_of(verdict.weighed),
-        explained=explained,
-        left=verdict.remainder.over_noise,
-        more_than_noise=verdict.remainder.significant,
-        trusted=verdict.kind != "unknown",
-    )
+        probability, {name: explained * m / together if together else 0.0 for name, m in missed.items()},
+        groups_of(verdict.weighed), explained=explained, left=verdict.remainder.over_noise,
+        more_than_noise=verdict.remainder.significant, trusted=verdict.kind != "unknown",
+    )  # fmt: skip
 
 
 URDF, MJCF = "calibrated.urdf", "calibrated.xml"
@@ -387,13 +383,9 @@ def _weighed_down(study: Study, state: FittedState) -> list[rows.WeighedDownRow]
                 first, last = (int(study.data.row[i]) for i in run[[0, -1]])
                 ends = [float(np.nanmin(off[run, k])), float(np.nanmax(off[run, k]))]
                 row = rows.WeighedDownRow(
-                    file=file[run[0]],
-                    marker=marker,
-                    first_row=first,
-                    last_row=last,
-                    readings=len(run),
+                    file=file[run[0]], marker=marker, first_row=first, last_row=last, readings=len(run),
                     off_mm=ends,
-                )
+                )  # fmt: skip
                 result.append(row)
     return result
 
@@ -437,14 +429,10 @@ def _fitted(
 
 def _written(judged: FittedState, model: Written) -> rows.WrittenRow:
     return rows.WrittenRow(
-        judged_mm=judged.errors.means[0],
-        without=list(model.without),
-        refitted_mm=model.state.errors.means[0],
-        file_mm=model.error,
-        refused=[str(one) for one in model.refusals],
-        at_bound=list(model.at_bound),
+        judged_mm=judged.errors.means[0], without=list(model.without), refitted_mm=model.state.errors.means[0],
+        file_mm=model.error, refused=[str(one) for one in model.refusals], at_bound=list(model.at_bound),
         whole_range=None if model.support is None else model.support.row,
-    )
+    )  # fmt: skip
 
 
 def _common(
