@@ -69,8 +69,7 @@ def unlikeliness(
     finite = np.isfinite(off).all(axis=1)
     clean = np.where(finite[:, None], off, 0.0)
     cost = np.einsum("ak,ak->a", clean, np.linalg.solve(C, clean[..., None])[..., 0])
-    result: Array = np.where(finite, cost + np.linalg.slogdet(C)[1], np.inf)
-    return result
+    return np.where(finite, cost + np.linalg.slogdet(C)[1], np.inf)
 
 
 def probability(cost: Array, way: int) -> float:
@@ -107,8 +106,7 @@ class Standing:
     @property
     def frequencies(self) -> Array:
         """Hz ``(m,)``."""
-        result: Array = np.sqrt(self.values) / (2.0 * np.pi)
-        return result
+        return np.sqrt(self.values) / (2.0 * np.pi)
 
 
 @dataclass(frozen=True)
@@ -261,5 +259,4 @@ def _standing(measurement: FrequencyMeasurement, chain: Machine, label: str, mod
 
 def _picked(table: Array, pairs: np.ndarray) -> Array:
     """Values ``(n, k)`` of a table of modes ``(n, m)`` for a pairing ``(n, k)``."""
-    result: Array = np.take_along_axis(table, np.maximum(pairs, 0), axis=1)
-    return result
+    return np.take_along_axis(table, np.maximum(pairs, 0), axis=1)

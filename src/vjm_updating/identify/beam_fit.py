@@ -87,8 +87,7 @@ class Space:
     @cached_property
     def _least(self) -> Array:
         """Smallest shift by a force and turn by a moment ``(2,)`` that are looked for."""
-        result: Array = UNSEEN * np.min(np.diag(self.target.half).reshape(2, 3), axis=1)
-        return result
+        return UNSEEN * np.min(np.diag(self.target.half).reshape(2, 3), axis=1)
 
     def shows(self, compliance: float, *, turn: bool) -> bool:
         """Whether some entry tells a compliance, shift by force or turn by moment, from none."""
@@ -123,8 +122,7 @@ class Space:
             parts.append(np.log(np.maximum(excess, tiny)))
         low, high = self.bounds
         inside = 1e-3 * (high - low)
-        result: Array = np.clip(np.hstack(parts), low + inside, high - inside)
-        return result
+        return np.clip(np.hstack(parts), low + inside, high - inside)
 
     def _compliances(self, x: Numbers) -> Numbers:
         """Compliances ``(k, 6, 6)`` of points ``(k, n)``, real or complex."""
@@ -145,14 +143,12 @@ class Space:
     def residuals(self, x: Array) -> Array:
         """Misfit ``(21,)`` of the entries `UPPER` in rounding half-widths."""
         C = self._compliances(x[None])[0]
-        result: Array = ((C - self.target.matrix) / self.target.half)[UPPER]
-        return result
+        return ((C - self.target.matrix) / self.target.half)[UPPER]
 
     def slopes(self, x: Array) -> Array:
         """Derivative ``(21, n)`` of `residuals`, by complex steps, exact to rounding."""
         C = self._compliances(x + 1j * COMPLEX_STEP * np.eye(len(x)))
-        result: Array = (np.imag(C) / COMPLEX_STEP / self.target.half)[:, *UPPER].T
-        return result
+        return (np.imag(C) / COMPLEX_STEP / self.target.half)[:, *UPPER].T
 
     def direction(self, x: Array) -> tuple[Array, Array]:
         """Direction ``(3,)`` of the beam at a point, and its derivative ``(3, n)``."""
@@ -170,8 +166,7 @@ class Space:
         stiffnesses = [s.EA, s.GJ, s.EIy, s.EIz, *([s.GAy, s.GAz] if self.form is Form.SHEARED else [])]
         with np.errstate(divide="ignore"):
             parts.append(np.log(L / np.array(stiffnesses)))
-        result: Array = np.clip(np.hstack(parts), *self.bounds)
-        return result
+        return np.clip(np.hstack(parts), *self.bounds)
 
     def beam(self, x: Array) -> Beam:
         """The beam at a point; a shear stiffness that no entry shows is infinite."""

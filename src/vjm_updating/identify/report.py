@@ -402,8 +402,7 @@ def intervals(half: Array) -> list[list[float | None]]:
 
 def scaling(compliance: Array) -> Array:
     """√(c_ii c_jj) ``(6, 6)``, by which entries of different units become comparable."""
-    result: Array = np.sqrt(np.outer(np.diag(compliance), np.diag(compliance)))
-    return result
+    return np.sqrt(np.outer(np.diag(compliance), np.diag(compliance)))
 
 
 def _digits(matrix: Array) -> int | None:

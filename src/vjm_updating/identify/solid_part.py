@@ -482,8 +482,7 @@ def solid_document(
 
 def middle(part: SolidCompliance) -> Array:
     """Mean ``(6, 6)`` of the bounds."""
-    result: Array = np.mean([bound.limit.compliance for bound in part.bounds.values()], axis=0)
-    return result
+    return np.mean([bound.limit.compliance for bound in part.bounds.values()], axis=0)
 
 
 def apart(part: SolidCompliance) -> float:

@@ -262,8 +262,7 @@ class _ChangeSearch:
         return ChangePoint(self.study, *self.kinds[kind][:2], where, size, gain, share)
 
     def _step(self, kind: int, where: int) -> Array:
-        result: Array = self.kinds[kind][2] * (self.posture >= where)[:, None, None]
-        return result
+        return self.kinds[kind][2] * (self.posture >= where)[:, None, None]
 
     def _beside(self, steps: list[tuple[int, int]], kind: int) -> list[Array]:
         """Columns beside a change of a kind: those of others, and of the same numbers that change slowly."""

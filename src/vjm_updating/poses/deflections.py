@@ -283,8 +283,7 @@ class DeflectionForward(SeriesForward):
 
     def torques(self) -> Array:
         """Root mean square ``(n_tree,)`` of what the loads alone bring on each coordinate."""
-        result: Array = np.sqrt(np.mean(self.bearing() ** 2, axis=0))
-        return result
+        return np.sqrt(np.mean(self.bearing() ** 2, axis=0))
 
     def evaluate(self, z: Array, frames: Frames) -> Linearised:
         """See `ReadingsForward`."""
@@ -592,5 +591,4 @@ def ends_of_test(sheet: DeflectionSheet) -> dict[str, tuple[str, Array]]:
 def springs_to(J: Array, y: Array, lower: Array) -> Array:
     """Sizes ``(n,)``, none below ``lower`` (n,), of columns ``J`` (r, n) that come nearest to ``y`` (r,)."""
     scale = np.maximum(np.linalg.norm(J, axis=0), 1e-300)
-    sizes: Array = lower + nnls(J / scale, y - J @ lower)[0] / scale
-    return sizes
+    return lower + nnls(J / scale, y - J @ lower)[0] / scale

@@ -87,8 +87,7 @@ class Blocks:
             common: ``(rows, w)`` D.
         """
         by_common = self.J.T @ common
-        result: Array = correlated.T @ correlated + by_common @ by_common.T
-        return result
+        return correlated.T @ correlated + by_common @ by_common.T
 
 
 @dataclass(frozen=True)
@@ -424,8 +423,7 @@ def gear_waves(blocks: Blocks, solution: PoseSolution, columns: Array) -> Array 
     best = int(np.argmax(gain))
     if gain[best] <= np.log(len(WAVE_SIZES)):
         return None
-    result: Array = columns * WAVE_SIZES[best]
-    return result
+    return columns * WAVE_SIZES[best]
 
 
 def places(q: Array, turning: np.ndarray) -> Array:
@@ -435,15 +433,13 @@ def places(q: Array, turning: np.ndarray) -> Array:
 
 def factor_of(x: Array, share: float, reach: float) -> Array:
     """Cholesky's factor ``(m, m)`` of the correlation of readings in postures ``(m, n)``, rad."""
-    result: Array = cholesky((1.0 - share + NUGGET) * np.eye(len(x)) + share * _correlation(x, reach), lower=True)
-    return result
+    return cholesky((1.0 - share + NUGGET) * np.eye(len(x)) + share * _correlation(x, reach), lower=True)
 
 
 def _correlation(x: Array, reach: float) -> Array:
     square = np.sum(x**2, axis=1)
     distance2 = np.maximum(square[:, None] + square - 2.0 * x @ x.T, 0.0)
-    result: Array = np.exp(-0.5 * distance2 / reach**2)
-    return result
+    return np.exp(-0.5 * distance2 / reach**2)
 
 
 def _alike(blocks: Blocks) -> list[np.ndarray]:

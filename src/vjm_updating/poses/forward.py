@@ -174,16 +174,14 @@ class PoseForward(SeriesForward):
         """What each coordinate bears ``(g, n_tree)`` in the machine as the model file has it, N mm or N."""
         x, _, _, _ = self._solve(self._arrays, self._values)
         K = np.array([self._arrays.K[self._block[c], 0, 0] if c in self._block else 0.0 for c in range(x.shape[1])])
-        result: Array = (x - self._natural) * K
-        return result
+        return (x - self._natural) * K
 
     def torques(self) -> Array:
         """Standard deviation ``(n_tree,)`` over the postures of what each coordinate bears.
 
         A torque that is the same in all postures turns a joint by a constant, which is an offset.
         """
-        result: Array = np.std(self.bearing(), axis=0)
-        return result
+        return np.std(self.bearing(), axis=0)
 
     def holding(self) -> Array:
         """What holds each of the data's joints ``(g, n)`` in the machine as the model file has it, N mm or N."""
@@ -400,8 +398,7 @@ def velocities(columns: Array, arm: Array) -> Array:
     cross[..., 0, 1], cross[..., 0, 2] = arm[..., 2], -arm[..., 1]
     cross[..., 1, 0], cross[..., 1, 2] = -arm[..., 2], arm[..., 0]
     cross[..., 2, 0], cross[..., 2, 1] = arm[..., 1], -arm[..., 0]
-    result: Array = columns[..., :3, :] + cross @ columns[..., 3:, :]
-    return result
+    return columns[..., :3, :] + cross @ columns[..., 3:, :]
 
 
 def turn_between(R: Array, other: Array) -> Array:

@@ -192,8 +192,7 @@ def _differences(state: FittedState, first: np.ndarray) -> Array:
     parts = (N, b), (blocks.N[np.ix_(active, active)] - N, blocks.b[active] - b)
     z = [best_of(blocks, solution, *part) for part in parts]
     variance = [np.diag(np.linalg.inv(part[0] / noise2 + prior)) for part in parts]
-    result: Array = (z[1] - z[0]) / np.sqrt(np.maximum(variance[0] + variance[1], 1e-300))
-    return result
+    return (z[1] - z[0]) / np.sqrt(np.maximum(variance[0] + variance[1], 1e-300))
 
 
 ROUNDS = numerical(8)

@@ -267,8 +267,7 @@ def effects(study: Study, state: FittedState, drawn: Candidates) -> Array:
     U, s, _ = np.linalg.svd(F, full_matrices=False)
     U = U[:, s > DEPENDENT * float(s.max(initial=0.0))]
     flat = J.reshape(-1, J.shape[-1])
-    result: Array = (flat - U @ (U.T @ flat)).reshape(J.shape)
-    return result
+    return (flat - U @ (U.T @ flat)).reshape(J.shape)
 
 
 def _errors(state: FittedState, J: Array) -> Array:
@@ -281,8 +280,7 @@ def _errors(state: FittedState, J: Array) -> Array:
         ]
     )[:, blocks.nuisances :]
     moved = np.einsum("gkap,rp->rgka", J, z - z.mean(axis=0))
-    result: Array = np.sqrt(np.mean(np.sum(moved**2, axis=3), axis=2).sum(axis=0) * (len(z) - 1) / len(z))
-    return result
+    return np.sqrt(np.mean(np.sum(moved**2, axis=3), axis=2).sum(axis=0) * (len(z) - 1) / len(z))
 
 
 CRITERIA: tuple[Literal["D", "I"], ...] = ("D", "I")

@@ -115,8 +115,7 @@ def exchanged(values: Array, i: int, j: int) -> Array:
     """Values ``(g, n, …)`` with two columns in each other's place."""
     order = np.arange(values.shape[1])
     order[[i, j]] = j, i
-    result: Array = values[:, order]
-    return result
+    return values[:, order]
 
 
 def order_of_joints(machine: PoseMachine, data: PoseData) -> Iterator[Change[PoseData]]:
@@ -763,8 +762,7 @@ class BesideSprings(Beside[DeflectionData, Array]):
     def residual(self, data: DeflectionData, fitted: Array) -> Array:
         """See `Beside`."""
         moved, J = self._moved(data)
-        result: Array = data.position - moved - J @ fitted
-        return result
+        return data.position - moved - J @ fitted
 
     def stands(self, data: DeflectionData) -> bool:
         """Whether the machine has an equilibrium in each posture."""

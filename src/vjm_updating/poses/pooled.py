@@ -468,8 +468,7 @@ class Scatter:
             return np.zeros(count)
         rng = np.random.default_rng(SEED)
         ratio = rng.choice(RATIOS, count, p=self.chance[family])
-        result: Array = ratio * self.reach[place] * rng.standard_normal(count)
-        return result
+        return ratio * self.reach[place] * rng.standard_normal(count)
 
 
 @dataclass(frozen=True)
@@ -537,8 +536,7 @@ class ScatteredBlocks(Blocks):
             by_common += cut.T @ (J.T @ common[rows])
             by = (N_s @ cut)[own]
             total += by.T @ (self.variance[own, None] * by)
-        result: Array = total + by_common @ by_common.T
-        return result
+        return total + by_common @ by_common.T
 
 
 def between(study: Study, state: FittedState) -> tuple[FittedState, Scatter]:
@@ -685,5 +683,4 @@ def _chance(log_evidence: Array, scale: float) -> Array:
     ratio = np.array(RATIOS)
     log = log_evidence + np.log(ratio) - 0.5 * (TAIL + 1.0) * np.log1p((ratio / scale) ** 2 / TAIL)
     w = np.exp(log - log.max())
-    result: Array = w / w.sum()
-    return result
+    return w / w.sum()

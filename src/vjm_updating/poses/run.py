@@ -511,8 +511,7 @@ def _vector(R: np.ndarray) -> np.ndarray:
     except ValueError:
         dyad = R + np.eye(3)
         axis = dyad[:, int(np.argmax(np.diag(dyad)))]
-        half: np.ndarray = np.pi * axis / np.linalg.norm(axis)
-        return half
+        return np.pi * axis / np.linalg.norm(axis)
 
 
 def _selection_row(step: Step) -> rows.SelectionRow:

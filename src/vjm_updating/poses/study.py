@@ -81,8 +81,7 @@ def _smooth(argument: Array) -> Array | None:
     if most == 0.0:
         return None
     shapes = legendre.legvander(argument / most, DEGREE)[:, 1:]
-    result: Array = shapes / np.sqrt(DEGREE * np.maximum(np.mean(shapes**2, axis=0), 1e-300))
-    return result
+    return shapes / np.sqrt(DEGREE * np.maximum(np.mean(shapes**2, axis=0), 1e-300))
 
 
 def law_evidence(
@@ -458,8 +457,7 @@ class Study(ABC):
     def distance(residual: Array) -> Array:
         """Distances ``(g, k)`` mm of residuals ``(g, k, 6)``, nan where there is no position."""
         square = np.nansum(residual[..., :3] ** 2, axis=2)
-        result: Array = np.where(np.isfinite(residual[..., :3]).any(axis=2), np.sqrt(square), np.nan)
-        return result
+        return np.where(np.isfinite(residual[..., :3]).any(axis=2), np.sqrt(square), np.nan)
 
     def tried(self, state: FittedState, hypothesis: Hypothesis) -> tuple[PoseSolution, Errors]:
         """The linear fit of another hypothesis at a state; couplings are linearised anew."""
