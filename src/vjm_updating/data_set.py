@@ -61,11 +61,9 @@ class _OnlyJoint:
     """A machine whose only joint yields, in a posture.
 
     Attributes:
-        joint: that one.
         axis: unit vector ``(3,)`` in the world.
         origin: a point of the axis ``(3,)``, mm.
         behind: frame ``(4, 4)`` behind each part that the joint carries, by its name, mm.
-        last: name of the last part.
     """
 
     joint: Joint
@@ -87,11 +85,9 @@ class _Channel:
     """A column of loads, or of a gauge.
 
     Attributes:
-        column: its name in the file.
         values: ``(n,)``.
         point: where ``(3,)``, mm.
         direction: ``(6,)`` of a unit of the column, world axes.
-        instrument: its errors.
     """
 
     column: str

@@ -170,12 +170,9 @@ class BeamMachine:
     """A machine of beams in a test.
 
     Attributes:
-        chain: as the sheet draws it.
         posture: label of each reading ``(n,)``.
         run: number of each reading's ramp, out and back on one side of the unloaded pose ``(n,)``.
         pose: displacement that the gauges are to show at each reading ``(n, 6)``, mm and rad.
-        hidden: effects and their values.
-        engine: name of the finite elements.
     """
 
     chain: Machine
@@ -188,8 +185,8 @@ class BeamMachine:
     def wrench(self, off: Mapping[tuple[str, str], float]) -> Array:
         """Readings ``(n, 6)`` without noise, N and N mm.
 
-        Args:
-            off: zero and scale errors of channels, relative moduli and lengths in mm of parts, by kind and subject.
+        ``off`` has zero and scale errors of channels, relative moduli and lengths in mm of parts, by kind and
+        subject.
 
         Raises:
             NoConvergenceError: the machine does not stand at the readings.
@@ -278,9 +275,7 @@ def _weighing(chain: Machine, effect: Gravity, values: Sequence[float]) -> Machi
 def _in_pieces(chain: Machine, bows: Mapping[str, Sequence[float]]) -> Machine:
     """With every beam as chords of a half sine wave, its ends where they were, for one element in each.
 
-    Args:
-        chain: of whole beams.
-        bows: amplitudes at mid-span along the section's y and z axes, mm, by beam; the others are straight.
+    ``bows`` are amplitudes at mid-span along the section's y and z axes, mm, by beam; the others are straight.
     """
     t = np.linspace(0.0, 1.0, ELEMENTS + 1)
     # the chords and the wave bound the same area
@@ -369,7 +364,6 @@ class PlannedRamp:
     """One way out and back.
 
     Attributes:
-        posture: label.
         axis: component that is driven, of the displacement or under force control of the load.
         end: of the ramp, mm or rad; N or N mm.
     """

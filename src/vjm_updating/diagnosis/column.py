@@ -184,11 +184,7 @@ def zeros_before_loading(readings: Readings, control: str, sigma: float) -> dict
     What the cell reads before the first mark is left is its zero, or a load that the fixtures make already. So the
     zero lies between nothing and that, give or take three of the sheet's sigmas. Whoever goes from the unloaded
     shape to the first marks sees by which one the ruler is off: its zero is less than the distance of two marks.
-
-    Args:
-        readings: all rows.
-        control: the channel of the marks.
-        sigma: of the zero by the sheet, N.
+    ``sigma`` is the sheet's of the zero, N.
     """
     marks, force = readings.values[control], readings.values[WRENCH[0]]
     steps = np.abs(np.diff(np.unique(marks)))
@@ -294,11 +290,7 @@ class ColumnForward(PlainForward):
     ) -> tuple[float, float] | None:
         """Load in N and deflection in mm at which the middle's outer fibre reaches the proof stress on the way.
 
-        Args:
-            unknowns: coordinates.
-            z: their values.
-            hypothesis: the causes.
-            handbook: take the model's own yield stress where no cause has one.
+        With ``handbook`` by the model's own yield stress where no cause has one.
         """
         stress = self._stress(unknowns, z, hypothesis)
         if stress is None and handbook:

@@ -33,12 +33,8 @@ def responses(fitter: Fitter, fit: Fit, explained: float) -> Array:
     """What each cause of a fit whose law may be wrong does to the readings ``(n, 6, m)``, raw, beside the others.
 
     It is no larger than what the causes explain. Else a cause could grow, made up for by nuisances, and its law be
-    wrong by more than that. A cause without which no machine stands is left out.
-
-    Args:
-        fitter: of the test.
-        fit: of the causes.
-        explained: by how much they lower the objective, squares.
+    wrong by more than that. A cause without which no machine stands is left out. The causes lower the objective by
+    ``explained`` squares.
     """
     made = []
     for number, effect in enumerate(fit.hypothesis):
@@ -76,10 +72,7 @@ def _slopes(observed: Observed, made: Array) -> Array:
 def _columns(fitter: Fitter, made: Array, shapes: Array) -> Array:
     """What laws that are wrong by their own size do ``(N, k)``, whitened; in each posture as much as the causes.
 
-    Args:
-        fitter: of the test.
-        made: what each cause does ``(n, 6, m)``, raw.
-        shapes: smooth ones ``(n, k)``, orthonormal within a posture.
+    What each cause does is ``made`` (n, 6, m), raw; ``shapes`` (n, k) are smooth, orthonormal within a posture.
     """
     observed = fitter.forward.observed
     postures = observed.readings.posture
@@ -142,11 +135,8 @@ class Marginalised(Projection):
     def of(cls, space: Projection, directions: Array, sizes: Array, law_error: float) -> Marginalised:
         """A space with a Gaussian discrepancy.
 
-        Args:
-            space: what the fit cannot absorb.
-            directions: orthonormal ``(N, k)`` in it.
-            sizes: standard deviations ``(k,)`` along them of laws wrong by their own size, over the noise's.
-            law_error: by how much of it they are.
+        Laws wrong by their own size have ``sizes`` (k,) along ``directions`` (N, k), orthonormal ones: standard
+        deviations over the noise's.
         """
         left, along = 1.0 / np.sqrt(1.0 + (law_error * sizes) ** 2), directions.T @ space.residual
         residual = space.residual - directions @ ((1.0 - left) * along)
@@ -224,11 +214,7 @@ class Block:
 def misfit(fitter: Fitter, fit: Fit, law_error: float = 0.0, explained: float = 0.0) -> Misfit:
     """Test a fit's residual.
 
-    Args:
-        fitter: of the test.
-        fit: whose residual is asked.
-        law_error: relative error of the causes' laws: what it may do is noise.
-        explained: by how much the causes lower the objective, squares.
+    A relative error ``law_error`` of laws whose causes lower the objective by ``explained`` squares is noise.
     """
     space = marginalised(fitter, fit, law_error, explained)
     smooth = _blocks(fitter, space, *smooth_shapes(fitter.forward.observed))

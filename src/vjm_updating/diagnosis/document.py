@@ -132,11 +132,8 @@ def credible(
 ) -> list[K]:
     """The fewest hypotheses of which one is right with 95 %, the best one among them; the likeliest first.
 
-    Args:
-        best: the one that is chosen.
-        probability: of every hypothesis, its own among them.
-        needless: of two, whether the second says the same as the first with more: it counts as that one.
-        most: that are wanted.
+    A rival that says the same as a member with more is ``needless``, and counts as that member. No more than
+    ``most`` are taken.
 
     Example:
         >>> credible("a", {"a": 0.6, "b": 0.37, "c": 0.03})
@@ -180,18 +177,9 @@ def findings_of(
 ) -> FindingsRow:
     """The findings in rows and words.
 
-    Args:
-        probability: that a cause acts, by cause.
-        shares: of what the nominal model misses, by cause.
-        groups: of causes of which one acts.
-        explained: share of that, by the likeliest hypothesis.
-        left: the residual, over the noise.
-        more_than_noise: whether that is more than noise.
-        trusted: whether anything is said to act; else causes are guesses.
-        places: probabilities of places, by cause.
-        nothing: probability that nothing acts; None where it was not asked.
-        unknown: probability that something unknown acts; None where it was not asked.
-        within_law: of causes that explain no more than the law of another one may be wrong by, that one.
+    What the nominal model misses has ``shares`` by cause, and the likeliest hypothesis has ``explained`` so much of
+    it; ``left`` is the residual over the noise. What was not asked is None. Of a cause that explains no more than
+    another one's law may be wrong by, ``within_law`` has the other.
     """
     kept = list(groups) if trusted else []
     inside = {cause for group in kept for cause in group.causes}

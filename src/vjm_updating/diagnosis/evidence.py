@@ -64,13 +64,6 @@ def criterion(fitter: Fitter, fit: Fit, effects: Sequence[Effect], samples: floa
     A free parameter costs the logarithm of the effective readings; those with a usual value and a spread cost what
     the readings have narrowed them down by, see `narrowed`. A cause whose own parameter may as well be nothing is
     another one in disguise.
-
-    Args:
-        fitter: of the test.
-        fit: of the hypothesis.
-        effects: the catalogue.
-        samples: effective number of readings.
-        costs: of the kind of test.
     """
     own = [i for i, c in enumerate(fit.found) if c.kind == "effect" and np.isfinite(c.sigma)]
     # what frees a nuisance has one parameter; what either is or is not has none
@@ -102,14 +95,11 @@ def criterion(fitter: Fitter, fit: Fit, effects: Sequence[Effect], samples: floa
 def narrowed(covariance: Array, weight: Array, spread: Array) -> float:
     """What it costs that readings have narrowed the shapes of laws down (Laplace's approximation of the evidence).
 
-    The prior of each is Cauchy's, whose density at its middle is 1/(π s). So a direction in which the readings'
-    own precision is p, in units of ``1/s²``, costs ``log(p π/2)`` where p is large. A direction that they do not
-    see costs nothing, for its posterior is its prior: ``log(1 + p π/2)`` is both.
-
-    Args:
-        covariance: of the shapes' coordinates ``(k, k)``, their priors included.
-        weight: ``(k,)`` of their priors in that, see `vjm_updating.inference.fitting.prior`.
-        spread: s ``(k,)``.
+    The prior of each is Cauchy's, whose density at its middle is 1/(π s). So a direction in which the readings' own
+    precision is p, in units of ``1/s²``, costs ``log(p π/2)`` where p is large. A direction that they do not see
+    costs nothing, for its posterior is its prior: ``log(1 + p π/2)`` is both. The ``covariance`` (k, k) is of the
+    shapes' coordinates, with their priors of ``weight`` (k,), see `vjm_updating.inference.fitting.prior`;
+    ``spread`` (k,) is s.
     """
     scaled = covariance / np.outer(spread, spread)
     precision = np.linalg.pinv(scaled, hermitian=True) - np.diag((weight * spread) ** 2)
@@ -119,13 +109,7 @@ def narrowed(covariance: Array, weight: Array, spread: Array) -> float:
 
 
 def choice(hypothesis: Hypothesis, effects: Sequence[Effect], costs: Costs = Costs()) -> float:
-    """What the choice of causes, and of their places, costs, whatever the readings say.
-
-    Args:
-        hypothesis: the causes.
-        effects: the catalogue.
-        costs: of the kind of test.
-    """
+    """What the choice of causes, and of their places, costs, whatever the readings say."""
     places = Counter(e.cause for e in effects)
     cost = 2.0 * sum(float(np.log(len(places) * places[e.cause])) for e in hypothesis)
     return cost + RARER * max(len(hypothesis) - 1, 0) + costs.third * max(len(hypothesis) - 2, 0)
@@ -134,10 +118,7 @@ def choice(hypothesis: Hypothesis, effects: Sequence[Effect], costs: Costs = Cos
 def size_covariance(A: Array, fit: Fit, number: int) -> Array:
     """Covariance ``(k, k)`` of an effect's size, its shape as fitted: without a size a shape does nothing.
 
-    Args:
-        A: inverse covariance of all coordinates.
-        fit: of the hypothesis.
-        number: of the effect in it.
+    ``A`` is the inverse covariance of all coordinates.
     """
     own = of_effect(fit.found, number)
     indices, shape = own[: fit.hypothesis[number].extent], own[fit.hypothesis[number].extent :]
@@ -199,10 +180,8 @@ class Cone:
     def of(trials: Array, *, one_sided: bool, vector: bool) -> Cone:
         """The cone of trials.
 
-        Args:
-            trials: ``(d, k)`` in coordinates of the space that they span.
-            one_sided: no trial's opposite makes sense.
-            vector: the effect's size has several components, so that all directions make sense.
+        The ``trials`` (d, k) are in coordinates of the space that they span. Of a ``vector`` all directions make
+        sense, of what is ``one_sided`` no trial's opposite.
         """
         edges = trials / np.linalg.norm(trials, axis=0)
         if vector:
@@ -275,7 +254,6 @@ class Ranked:
     """A hypothesis with its fit and its worth.
 
     Attributes:
-        fit: at its best.
         criterion: what the data say against it, and what its parameters cost; the smaller the better.
         cost: of its parameters and its choice, whatever the data say.
     """
@@ -304,7 +282,6 @@ class SearchMove:
     """A hypothesis that is worth a fit.
 
     Attributes:
-        hypothesis: its causes.
         base: fit of other causes, to begin at.
         starts: values of each effect, one list for each start.
         promise: its criterion to first order, with the least that it can cost.
@@ -410,12 +387,7 @@ def by_profile(fitter: Fitter, fit: Fit, index: int, std: float) -> list[tuple[f
 
     Readings may say that a shape is below something and no more. There the objective is flat to one side, and its
     curvature says nothing. So it is found at distances that double, the other coordinates following to first order.
-
-    Args:
-        fitter: of the test.
-        fit: at its best.
-        index: of the shape's coordinate.
-        std: by the curvature: the first distance.
+    The first distance is ``std``, by the curvature.
     """
     coordinate, z = fit.found[index], float(fit.at.z[index])
     others = [i for i, c in enumerate(fit.found) if i != index and c.sigma != 0.0]
@@ -460,10 +432,6 @@ def credible(draws: Array, bounds: Sequence[float]) -> tuple[float, float]:
     It begins at a bound where the density is at least that at the 95 % quantile, as the shortest interval does.
     Quantiles at both ends would leave the bound out always, and so find a size where there may be none.
 
-    Args:
-        draws: of the size.
-        bounds: of it.
-
     Example:
         >>> credible(np.linspace(0.01, 10.0, 1000) ** 2, [0.0])[0]
         0.0
@@ -493,11 +461,8 @@ def joined(values: Mapping[str, ValueRow], others: Sequence[Mapping[str, ValueRo
 def _errors(covariance: Array, low: Array, high: Array, push: Array) -> tuple[bool, Array]:
     """Errors ``(n, k)`` of coordinates, and whether a bound is so near that it cuts them off.
 
-    Args:
-        covariance: ``(k, k)`` of the coordinates without bounds.
-        low: ``(k,)`` and
-        high: ``(k,)`` the bounds, from where the coordinates are.
-        push: ``(k,)`` how far they would go if there were no bounds.
+    The ``covariance`` (k, k) is that without bounds. ``low`` and ``high`` (k,) count from where the coordinates
+    are; without them these would go ``push`` (k,) further.
     """
     drawn = truncated_draws(push, covariance, low, high, np.zeros(len(push)))
     return (False, _normal(covariance)) if drawn is None else (True, drawn[::THINNED])

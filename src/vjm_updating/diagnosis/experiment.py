@@ -48,11 +48,8 @@ class Proposal:
     """A test to be done next.
 
     Attributes:
-        posture: label.
-        path: what is done, in words.
         strength: of the discrimination to be expected, of the two hypotheses that it distinguishes least.
         difference: largest difference of a reading that it would show.
-        channel: of that reading.
     """
 
     posture: str
@@ -69,10 +66,6 @@ def propose(fitter: Fitter, fits: Sequence[Fit]) -> Proposal | None:
 
     No posture is taken near a critical point that it was not taken to before: what a machine does there tells all
     hypotheses apart, and may be the last thing that it does.
-
-    Args:
-        fitter: of the test.
-        fits: of the members, the most probable first.
     """
     observed = fitter.forward.observed
     load = float(np.abs(fits[0].at.wrench[:, 0]).max())
@@ -154,14 +147,9 @@ def left_over(
     """Strength of a difference ``(n, 6)``, and the rest of it, that a hypothesis cannot make up.
 
     What the test at hand says nothing of, such as a tilt across what is measured, is spread evenly between its
-    bounds: without them the hypothesis could show anything, and no experiment would tell it from any.
-
-    Args:
-        own: fitter of the test to be.
-        raw: difference of the readings.
-        J: derivatives ``(n, 6, n_z)`` of the hypothesis' residuals.
-        known: inverse covariance ``(n_z, n_z)`` of its coordinates by the test at hand.
-        unknowns: its coordinates.
+    bounds: without them the hypothesis could show anything, and no experiment would tell it from any. ``own`` fits
+    the test to be; ``J`` (n, 6, n_z) are derivatives of the hypothesis' residuals, ``known`` (n_z, n_z) is the
+    inverse covariance of its coordinates by the test at hand.
     """
     known = known + np.diag([12.0 / (c.high - c.low) ** 2 for c in unknowns])
     W, r = own.whitening.flat(J), own.whitening.flat(raw)

@@ -130,7 +130,6 @@ class Panel:
     """The readings of a posture on the ramps that drove one channel.
 
     Attributes:
-        posture: label.
         driven: the channel: a displacement, of a test by force a load.
         read: index of the channel that is drawn over it.
         on: which readings ``(n,)``.

@@ -42,7 +42,6 @@ class Split:
         name: postures, directions, cycles or marks.
         fold: number ``(n,)`` of the part in which each reading is held out; negative where it never is.
         block: neighbouring readings that a bootstrap draws together.
-        draws: how often it draws.
     """
 
     name: str
@@ -79,13 +78,7 @@ def split_of_marks(observed: Observed) -> Split:
 
 
 def hold_out(fitter: Fitter, null: Fit, split: Split) -> HoldOut:
-    """What fits gain over the sheet's tolerances alone, on readings held out.
-
-    Args:
-        fitter: of the test.
-        null: fit of the sheet's tolerances alone.
-        split: how readings are held out.
-    """
+    """What fits gain over the sheet's tolerances alone, on readings held out."""
     before = held_out_residual(fitter, null, split)
 
     def gained(fit: Fit) -> GainRow:
@@ -120,11 +113,7 @@ def _as_drawn(fitter: Fitter, fit: Fit) -> Array:
 def held_out_residual(fitter: Fitter, fit: Fit, split: Split, otherwise: Array | None = None) -> Array:
     """Raw residual ``(n, 6)`` of each reading under a refit without its part.
 
-    Args:
-        fitter: of the test.
-        fit: to all readings.
-        split: how they are held out.
-        otherwise: ``(n, 6)``, counts where a refit finds no machine that stands; the nominal one's by default.
+    Where a refit finds no machine that stands, ``otherwise`` (n, 6) counts, by default the nominal one's.
     """
     result = (_as_drawn(fitter, fit) if otherwise is None else otherwise).copy()
     for own in split.parts():
@@ -152,13 +141,8 @@ def unsure(fitter: Fitter, fit: Fit, split: Split) -> Array:
 def _gain(fitter: Fitter, fit: Fit, split: Split, before: Array, after: Array, open_: Array) -> GainRow:
     """The gain of a fit, as a whole and part by part.
 
-    Args:
-        fitter: of the test.
-        fit: whose stiffness says what the displacement's noise makes of a force.
-        split: how readings were held out.
-        before: residuals ``(n, 6)`` held out, of the sheet's tolerances alone.
-        after: of the fit.
-        open_: standard deviations ``(n, 6)`` of its predictions.
+    Residuals held out are ``before`` (n, 6) those of the sheet's tolerances alone, ``after`` those of the fit,
+    whose predictions have standard deviations ``open_`` (n, 6).
     """
     observed = fitter.forward.observed
     own, unit = observed.scored

@@ -115,12 +115,7 @@ def direct(
 ) -> ExperimentRow | None:
     """The measurement that shows a cause directly, by how much over the sheet's sigma; None where there is none.
 
-    Args:
-        measurement: of the test.
-        posture: of the column.
-        cause: to be shown.
-        values: parameters of the hypothesis that has it.
-        load: largest one of the test, N.
+    ``load`` is the largest one of the test, N.
     """
     name = next((n for n in values if n.startswith(f"{cause}.")), None)
     if name is None:
@@ -408,12 +403,7 @@ def together(fitter: Fitter, null: Fit, effects: Sequence[Effect]) -> Fit | None
 
 
 def not_reached(observed: Observed, values: Mapping[str, ValueRow]) -> list[str]:
-    """Parameters of a gear's slopes beyond the largest load of a test: by their names, K3 and T2.
-
-    Args:
-        observed: the readings.
-        values: parameters by their names.
-    """
+    """Parameters of a gear's slopes beyond the largest load of a test: by their names, K3 and T2."""
     own = f"{JointThreeSlopes.cause}."
     names = {number: [n for n in values if n.startswith(f"{own}{number}_")] for number in ("T2", "K3")}
     lever, _, of_load = levers_of(observed.measurement)

@@ -31,11 +31,9 @@ class Channel:
     """Errors of one channel, root mean square.
 
     Attributes:
-        name: of the column.
         noise: of one reading by the sheet.
         drawn: of the nominal model with the sheet's own values; None where it does not reach the readings.
         best: with its nuisances at their best.
-        after: of the extended model.
     """
 
     name: str
@@ -71,14 +69,7 @@ def _common(document: Diagnosis) -> list[str]:
 
 
 def write_page(measurement: Measurement, prepared: Prepared, fit: Fit, document: Diagnosis) -> str:
-    """The page as HTML.
-
-    Args:
-        measurement: sheet, readings and nominal machine.
-        prepared: the nominal fit.
-        fit: of the first candidate, or the nominal one.
-        document: what was found.
-    """
+    """The page as HTML."""
     observed = prepared.fitter.forward.observed
     titles = TITLES | {effect.cause: effect.title for effect in prepared.effects}
     before = nominal(prepared)

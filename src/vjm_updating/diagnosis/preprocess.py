@@ -32,8 +32,6 @@ class Prepared:
 
     Attributes:
         fitter: with its noise known.
-        null: fit of the sheet's tolerances alone.
-        effects: the catalogue.
         all: every reading, outliers included.
         signed: what each effect does to the readings about a null.
     """
@@ -50,11 +48,7 @@ def prepare(
 ) -> Prepared:
     """Fit the nominal model, find outliers and the noise's autocorrelation.
 
-    Args:
-        observed: the test.
-        more: effects beyond the catalogue's.
-        only: the causes that are thought possible; all where none is given.
-        without: causes that are not.
+    ``only`` are the causes that are thought possible, all where none is given; ``without`` are those that are not.
 
     Raises:
         ValueError: no effect of this test has such a cause.

@@ -184,12 +184,7 @@ MOST_PAIRS = shown(5)
 
 
 class RampTest:
-    """The kind that takes every test, and the base of the others.
-
-    Attributes:
-        name: in one word.
-        costs: what a choice of causes costs in a test of this kind.
-    """
+    """The kind that takes every test, and the base of the others."""
 
     name = "ramps"
     costs = Costs()
@@ -298,10 +293,8 @@ def scene_of(observed: Observed, force: float, reach: float) -> Scene:
 def instrument_effects(observed: Observed, duration: float, largest: Mapping[str, float]) -> list[Effect]:
     """Errors of every channel.
 
-    Args:
-        observed: the readings.
-        duration: of the test, s; zero where there is no clock.
-        largest: reading that gauges are made for, by unit.
+    ``duration`` is in s, zero where there is no clock; ``largest`` has by unit the reading that gauges are made
+    for.
     """
     effects: list[Effect] = []
     for channel in (*observed.pose_channels, *observed.wrench_channels):

@@ -64,10 +64,6 @@ from vjm_updating.result import EXTENDED, DiagnosisResult
 def transfer(fit: Fit, other: Measurement) -> list[TransferRow]:
     """Errors of another test's readings under what a fit has found: nothing of it, each cause, tolerances, all.
 
-    Args:
-        fit: of one test.
-        other: test of another specimen, by its own sheet.
-
     Raises:
         ValueError: the other test cannot be used.
     """
@@ -130,12 +126,7 @@ def _error(
 
 
 def unless_unexplained(verdict: Verdict, mistakes: Sequence[Mistake]) -> Verdict:
-    """The verdict on readings whose mistakes were undone; unknown where these still leave more than noise.
-
-    Args:
-        verdict: on the readings without the mistakes.
-        mistakes: that were undone.
-    """
+    """The verdict on readings whose mistakes were undone; unknown where these still leave more than noise."""
     rest = verdict.rest
     if not mistakes or verdict.kind == "unknown" or min(rest.p, rest.prior_p) >= FALSE_ALARMS:
         return verdict
@@ -150,10 +141,6 @@ def with_mistakes(document: Diagnosis, mistakes: Sequence[Mistake]) -> Diagnosis
     A mistake is exact, a factor between units or a sign; it has no standard deviation. Where nothing else is found,
     the mistakes are the verdict. Where the residual is unknown, it stays so, and the mistakes are in its words and
     beside each alternative.
-
-    Args:
-        document: of the readings without the mistakes.
-        mistakes: that were undone.
     """
     if not mistakes:
         return document

@@ -50,8 +50,6 @@ class Signature:
     """What an effect does to the readings at a trial size.
 
     Attributes:
-        effect: the cause.
-        values: of its parameters.
         change: of the raw prediction ``(n, 6)``; None for a cause that frees a nuisance.
         one_sided: only its own sign makes sense.
     """
@@ -67,10 +65,7 @@ class Signed:
     """Signatures about a null.
 
     Attributes:
-        null: about which they were found.
         present: ``(n, 6)`` samples that counted.
-        branches: of the model's bifurcations.
-        found: one for each trial of each effect.
     """
 
     null: Fit
@@ -91,12 +86,10 @@ class Score:
     """How well an effect explains a residual.
 
     Attributes:
-        effect: the cause.
         explained: squares of the residual in the space of its trials, the most that it takes away to first order.
         mixture: those that the best mixture of its trials takes away.
         starts: parameters to begin fits from, the most promising first.
         directions: orthonormal ``(N, d)``, whitened and projected.
-        cone: of its trials among them.
     """
 
     effect: Effect

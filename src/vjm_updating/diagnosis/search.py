@@ -68,14 +68,9 @@ class Search:
     """A search and what it has found.
 
     Attributes:
-        fitter: of the test.
-        null: fit of the sheet's tolerances alone.
-        effects: the catalogue.
         samples: effective number of readings.
-        progress: told what is being tried.
         known: what an earlier search found of the same test with its noise known less well, by effects.
         signed: what the effects do to the readings about a null near by.
-        costs: what a choice of causes costs in this kind of test.
     """
 
     fitter: Fitter

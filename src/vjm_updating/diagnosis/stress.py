@@ -53,10 +53,7 @@ class Fibre:
     def share(self, beam: Beam, lengths: list[float], reactions: list[Array]) -> float:
         """Largest stress in MPa over the yield stress.
 
-        Args:
-            beam: the part.
-            lengths: of its segments, mm.
-            reactions: ``(6,)`` at the springs of a member, one in each segment.
+        ``lengths`` are of a member's segments, mm, ``reactions`` (6,) those at its springs, one in each.
         """
         assert beam.segments
         return max(map(self.stress, reactions, lengths)) / self.limit
@@ -133,10 +130,7 @@ def material_of(table: Mapping[str, Any]) -> Fibre | Solid | str:
 def first_yield(problem: LumpedProblem, path: Path, parts: Sequence[Mapping[str, Any]]) -> First:
     """Where the first part yields along a path as far as its critical point, or its end.
 
-    Args:
-        problem: of the path.
-        path: traced.
-        parts: tables of the model's parts, with shapes or drawings, and yield stresses.
+    ``parts`` are tables of the model's parts, with shapes or drawings, and yield stresses.
     """
     model = problem.model
     beams = {part.name: part for part in model.chain.parts if isinstance(part, Beam)}

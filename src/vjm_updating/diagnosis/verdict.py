@@ -50,12 +50,7 @@ def unmodelled(fitter: Fitter, fit: Fit, law_error: float = 0.0, explained: floa
 
     A nuisance that lies where its sheet does not let it be is one of the shapes. What the laws of the fit's causes
     may be wrong by, see `marginalised`, is noise; in the shapes of readings their errors compete besides.
-
-    Args:
-        fitter: of the test.
-        fit: of the causes; of the sheet's tolerances alone.
-        law_error: relative error of the causes' laws, see `vjm_updating.inference.model_error`.
-        explained: squares that the causes explain.
+    ``law_error`` is relative; ``explained`` are the squares that the causes explain.
     """
     own = replace(fitter, whitening=weighed(fitter.whitening, fitter.forward.observed, fit.at))
     space = marginalised(own, fit, law_error, explained)
@@ -113,12 +108,8 @@ def kind_present(
 ) -> float:
     """Twice the negative logarithm of the evidence with a kind of shapes that may act, over that of noise alone.
 
-    Args:
-        dimension: of the space of its shapes.
-        squares: of the whitened residual there.
-        chance: that it acts.
-        sizes: ``(k,)`` that it may have, standard deviations in units of the noise's.
-        weights: ``(k,)`` of the sizes.
+    Its shapes span so many dimensions, with ``squares`` of the whitened residual. It may have ``sizes`` (k,) by
+    their ``weights`` (k,): standard deviations in units of the noise's.
     """
     variance = sizes**2
     by_size = 0.5 * (squares * variance / (1.0 + variance) - dimension * np.log1p(variance))
@@ -140,14 +131,10 @@ class Verdict:
     Attributes:
         kind: none, named, class or unknown.
         members: hypotheses that remain possible, the most probable first.
-        probabilities: of each.
         confidence: posterior probability that kind and set are right.
-        others: less likely ones with their probabilities.
-        rest: what the best leaves.
         places: of each member the hypotheses that have its causes elsewhere: the likeliest, see
             `credible_places`.
         doubt: why causes that fit are not named, in words; empty where that is not so.
-        posterior: that it follows from.
         more_than_noise: whether the best leaves more than noise, or takes more than the sheet's tolerances.
     """
 
@@ -242,11 +229,7 @@ def credible_causes(best: Ranked, total: Mapping[Ranked, float]) -> list[Ranked]
     """The fewest sets of causes of which one is right with 95 %, the best one among them and first.
 
     A set that says the same as a member with more causes or parameters counts as that member. One without a cause
-    does not count.
-
-    Args:
-        best: the likeliest hypothesis.
-        total: of every hypothesis, the probability of its causes in whichever places.
+    does not count. ``total`` has the probability of each one's causes, in whichever places.
     """
     sets = {best.causes: best}
     for rival in sorted(total, key=lambda r: (-total[r], r.criterion)):
@@ -262,7 +245,6 @@ class Posterior:
 
     Attributes:
         hypotheses: causes in their places; those beside which an unknown cause acts are among them.
-        nothing: that nothing acts.
         unknown: that something acts that no catalogue has, alone or beside the best.
         shares: of what the nominal model misses, by cause, in the likeliest hypothesis with it.
         explained: of that, by the best.
@@ -316,12 +298,8 @@ def coarsening(explained: float, law_error: float) -> float:
 def posterior_of(search: Search, best: Ranked, alone: Ranked, beside: Ranked, power: float = 1.0) -> Posterior:
     """Probabilities of what was tried, of single causes that were not, and of an unknown one.
 
-    Args:
-        search: what was tried.
-        best: the likeliest.
-        alone: an unknown cause by itself.
-        beside: one beside the best's.
-        power: of the likelihood in `Posterior.held`.
+    The unknown cause acts ``alone``, or ``beside`` the best's; ``power`` is that of the likelihood in
+    `Posterior.held`.
     """
     tried = {
         r.labels: r for r in search.tried.values() if r.fit.converged or r.labels in (frozenset(), best.labels)
@@ -420,13 +398,8 @@ def proved(verdict: Verdict, before: float, after: float, expected: float) -> Ve
 
     Causes that predict them worse than none are an accident of the readings fitted. But where what was held out
     lies so far from the rest that a right model could hardly do better, it proves nothing: readings held out
-    together are wrong together, by one error of a normal distribution.
-
-    Args:
-        verdict: on all readings.
-        before: error held out of the sheet's tolerances alone.
-        after: of the likeliest member.
-        expected: of a right model.
+    together are wrong together, by one error of a normal distribution. Held out, the sheet's tolerances alone have
+    an error ``before``, the likeliest member ``after``, a right model ``expected``.
     """
     if after > before and after > NORMAL_95 * expected:
         causes = " + ".join(sorted(verdict.members[0].causes))
@@ -470,10 +443,6 @@ def credible_places(weights: Mapping[Ranked, float], member: Ranked) -> tuple[Ra
     """The likeliest hypotheses that have a member's causes elsewhere: with it, a credible set of 95 %.
 
     So intervals of parameters hold what they say also where it is not known which place it is.
-
-    Args:
-        weights: of all hypotheses, their probabilities.
-        member: the likeliest with its causes.
     """
     w = {r: own for r, own in weights.items() if r is member or in_other_places(r, member)}
     together = sum(w.values())

@@ -39,8 +39,6 @@ class Comparison(ABC):
 
     Attributes:
         words: what was read, in a word.
-        measurement: sheet, readings, machine.
-        readings: its readings.
         labels: postures in the order of the file.
         given: columns of what was imposed, i: displacements, or loads.
         columns: of what was read, m: the wrench, or displacements.
@@ -79,9 +77,8 @@ class Comparison(ABC):
     def linear(self, way: Mistake = RIGHT, only: str = "") -> Array:
         """What the nominal machine would show ``(n, m)`` by its slope; nan where it is not known what was imposed.
 
-        Args:
-            way: in which readings may be mistaken: what was imposed is put right before.
-            only: label of the posture that is wanted; all by default.
+        Under a ``way`` of being mistaken what was imposed is put right before; ``only`` is the label of the posture
+        that is wanted.
         """
         imposed, result = way.put_right(self.imposed, self.given), np.full(self.read.shape, np.nan)
         for label in self.labels if not only else [only]:
@@ -233,7 +230,6 @@ class Ray:
     """Readings of one posture whose displacements lie on one line through the unloaded pose.
 
     Attributes:
-        posture: label.
         direction: ``(6,)`` displacement per unit of the ramp, mm or rad.
         measure: ``(6,)`` whose product with a displacement is its place on the ray.
         index: of its readings ``(k,)``.
@@ -248,11 +244,7 @@ class Ray:
 def rays(posture: np.ndarray, pose: Array, noise: Array, length: float) -> list[Ray]:
     """Sort readings by rays, those furthest out first.
 
-    Args:
-        posture: labels ``(n,)``.
-        pose: displacements ``(n, 6)``, mm, rad.
-        noise: of one reading ``(6,)``, zeros and noise alike.
-        length: mm that a rad counts for.
+    ``pose`` (n, 6) is in mm and rad, ``noise`` (6,) that of a reading and its zero; a rad counts for ``length`` mm.
 
     Raises:
         ValueError: there are more than `MOST_RAYS`.

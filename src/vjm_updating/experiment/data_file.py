@@ -61,10 +61,7 @@ def unit_of(channel: str) -> str:
 def beyond_turn(angle: float, most: float, remedy: str = "") -> str:
     """What may be wrong with an angle in rad that is larger than any: degrees, where they explain it.
 
-    Args:
-        angle: rad.
-        most: that there may be, rad.
-        remedy: where it is in degrees.
+    Angles are in rad; ``remedy`` is for those in degrees.
     """
     explained = radians(abs(angle)) <= most
     return f"is it in degrees?{remedy and f' {remedy}'}" if explained else "degrees do not explain it either"
@@ -79,10 +76,7 @@ def converted(given: str, unit: str) -> str:
 def check_column(column: str, points: tuple[str, ...], plain: tuple[str, ...] = PLAIN) -> None:
     """Refuse a column that is no channel, with the remedy.
 
-    Args:
-        column: its name.
-        points: that the sheet names.
-        plain: columns that need no point.
+    ``points`` are those that the sheet names, ``plain`` are columns that need none.
 
     Raises:
         ValueError: an unknown quantity or point, or a unit other than the format's.
@@ -143,7 +137,6 @@ class Source:
     """A text and where it is from.
 
     Attributes:
-        name: for messages.
         raw: the text in UTF-8.
         folder: beside which other files are looked for.
     """
@@ -226,8 +219,6 @@ class DataTable:
     """The cells of a CSV text as they are written.
 
     Attributes:
-        name: for messages.
-        sha256: of the text.
         row: lines of the file ``(n,)``, the first being line 1.
         cells: n by column, in the order of the header.
     """

@@ -313,9 +313,7 @@ class ReadColumns:
     """What was read in n rows by m columns, beside the nominal machine.
 
     Attributes:
-        file: for messages.
         row: ``(n,)`` lines of the file.
-        names: of the columns.
         read: ``(n, m)``; nan where nothing was read.
         noise: ``(m,)`` standard deviation of a reading.
         predicted: ``(n, m)`` by the nominal machine; nan where it is not known.
@@ -379,10 +377,7 @@ def column_findings(
 ) -> Iterator[Finding]:
     """What is implausible about what was read.
 
-    Args:
-        c: what was read.
-        mistakes: that are asked for, such as `MISTAKES`.
-        of_whole: that are asked for where none of these is found, such as `OF_WHOLE`.
+    Those ``of_whole`` are asked for where none of the ``mistakes`` is found; see `OF_WHOLE` and `MISTAKES`.
 
     Example:
         >>> import numpy as np

@@ -41,9 +41,7 @@ class Nuisance:
     """One Gaussian nuisance of mean zero, constant through a test.
 
     Attributes:
-        kind: what it does.
         subject: channel or part.
-        sigma: its standard deviation.
     """
 
     kind: Kind
@@ -64,12 +62,7 @@ class Nuisance:
 def possible_nuisances(sheet: Sheet, channels: Sequence[str], chain: Machine) -> tuple[Nuisance, ...]:
     """Zero and scale of each channel, then the modulus of each beam, then the length of each link.
 
-    Independent of one another. Where the sheet gives no tolerance sigma is zero.
-
-    Args:
-        sheet: the sheet.
-        channels: that the data have.
-        chain: the machine; links are all its beams but the foot.
+    Independent of one another. Where the sheet gives no tolerance sigma is zero. Links are all beams but the foot.
     """
     tolerance = sheet.tolerance
     possible: list[Nuisance] = []
@@ -91,13 +84,10 @@ class Measurement:
     """What was measured and on what.
 
     Attributes:
-        sheet: the test sheet.
         readings: in the order in which they were taken.
         document: the model file's content with the sheet's overrides and postures.
-        chain: the nominal machine.
         engine: that solves it with as many springs as the sheet says.
         nuisances: that the sheet's tolerances allow, independent of one another.
-        data_sha256: of the data file.
         notes: what is to be said of how it was read.
     """
 

@@ -52,11 +52,8 @@ def overridden(content: Mapping[str, Any], overrides: Mapping[str, Any]) -> dict
     """A model document with a sheet's overrides.
 
     A key is one of docs/measured-data.md's, a key of the link or its section, or a dotted path into the file. A
-    list's table is found by its ``name`` or its number from 1, and a path may begin at a part's name.
-
-    Args:
-        content: as TOML gives it; not changed.
-        overrides: the sheet's ``[model]``.
+    list's table is found by its ``name`` or its number from 1, and a path may begin at a part's name. ``content``
+    is not changed.
 
     Raises:
         ValueError: a key leads nowhere.
@@ -328,9 +325,7 @@ def _check_joint(measurement: Measurement) -> None:
 def planned_measurement(sheet: Sheet, readings: Readings) -> Measurement:
     """A measurement that has not been made: the sheet's machine and instruments, and where readings will be.
 
-    Args:
-        sheet: the test sheet.
-        readings: planned displacements; wrench channels are zero.
+    Of the planned readings the wrench channels are zero.
 
     Raises:
         ValueError: the model cannot be used, or a posture is not known; one line.

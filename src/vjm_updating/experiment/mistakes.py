@@ -34,7 +34,6 @@ class Mistake:
     """A way in which readings may be mistaken: a known operation makes them right.
 
     Attributes:
-        words: what was mistaken.
         cause: one of `TITLES`; empty for labels of postures.
         factors: by column, what its readings have to be multiplied by.
         exchanged: two columns that change places.
@@ -89,11 +88,7 @@ class ColumnsMistaken(Finding):
 
 @dataclass(frozen=True)
 class MistakeFound(ColumnsMistaken):
-    """A finding that says what the mistake is.
-
-    Attributes:
-        mistake: how to undo it.
-    """
+    """A finding that says what the mistake is."""
 
     mistake: Mistake
 
@@ -115,9 +110,7 @@ TAKEN_BY_FORCE = "--force takes the readings as they are, and the model says so"
 def refuse_mistaken(findings: Iterable[Finding], *remedies: str) -> None:
     """Stop where columns are not what they say, before anything is calibrated by them.
 
-    Args:
-        findings: what is implausible about a test.
-        remedies: what else may be done, for people.
+    ``remedies`` say what else may be done.
 
     Raises:
         ImplausibleError: naming the first mistake, and how many more there are.
@@ -180,10 +173,7 @@ def ways(
 ) -> list[Mistake]:
     """All mistakes that concern columns that are there.
 
-    Args:
-        readings: of the test.
-        postures: labels of those in which the machine may have stood.
-        columns: of what was imposed, and of what was read.
+    The machine may have stood in ``postures``; ``columns`` are those of what was imposed, and of what was read.
 
     Returns:
         Those that concern more columns first.
@@ -234,13 +224,9 @@ def most_probable(level: Array, rare: float, whole: np.ndarray, step: Step | Non
     """The most probable mistake of each row ``(k,)``, by number; between two mistakes there are right rows.
 
     The most probable sequence is Viterbi's (IEEE Trans. Inf. Theory 13 (1967) 260). Where a stretch begins and ends
-    is as probable in every row.
-
-    Args:
-        level: ``(w, k)`` negative logarithms of each row's probability under each mistake; number 0: it is right.
-        rare: see `rarity`.
-        whole: ``(w,)`` which mistakes concern all rows or none.
-        step: what else a change costs; None: nothing.
+    is as probable in every row. ``level`` (w, k) are negative logarithms of each row's probability under each
+    mistake, of which number 0 is none. ``whole`` (w,) says which concern all rows or none, ``step`` what else a
+    change costs; for ``rare`` see `rarity`.
 
     Example:
         >>> level = np.array([[0.0, 9.0, 9.0, 9.0, 0.0], [9.0, 0.0, 0.0, 0.0, 9.0]])
@@ -273,10 +259,8 @@ def mistaken_stretches(
 ) -> Iterator[tuple[int, int, dict[int, float]]]:
     """Stretches of rows that are mistaken in one way.
 
-    Args:
-        path: the most probable mistake of each row ``(k,)``, see `most_probable`.
-        judged: of the rows from one on and before another, which mistakes ``(w,)`` are possible there, and the
-            negative logarithm ``(w,)`` of each one's probability.
+    The ``path`` is of `most_probable`. Of the rows from one on and before another ``judged`` says which mistakes
+    (w,) are possible there, and the negative logarithm (w,) of each one's probability.
 
     Returns:
         The first row, the one behind the last, and by number the costs of the mistakes that are not `ODDS` times

@@ -255,10 +255,8 @@ def _stretches(c: Comparison, label: str, known: Sequence[Mistake], which: list[
 def times(c: Comparison, rows: np.ndarray, way: Mistake = RIGHT) -> float:
     """How many times what the model predicts was read, put right, in the large half of some rows; nan: not known.
 
-    Args:
-        c: readings beside the nominal machine.
-        rows: which of all readings ``(n,)``.
-        way: in which they may be mistaken; what it changes of what was read counts, the forces first.
+    ``rows`` (n,) say which. Of a ``way`` of being mistaken counts what it changes of what was read, the forces
+    first.
     """
     concerned = [k for k, name in enumerate(c.columns) if name in (*way.factors, *way.exchanged)]
     own = [k for k in c.main if k in concerned] or concerned or c.main
@@ -697,9 +695,7 @@ BESIDE_THE_MODEL: tuple[Rule, ...] = (wrong_scale, of_joint, mistaken, gains)
 def considered(measurement: Measurement, *, strict: bool = False) -> list[Finding]:
     """What is implausible about a test, unless it is refused for that.
 
-    Args:
-        measurement: sheet, readings, machine.
-        strict: whether what is doubtful is refused, too.
+    With ``strict`` what is doubtful is refused, too.
 
     Raises:
         ImplausibleError: naming the first reason.

@@ -113,10 +113,6 @@ class Readings:
         """Loading branch of every reading, off the history of one displacement.
 
         Turning points count once the displacement has gone back by `DEADBAND` times the noise.
-
-        Args:
-            channel: the displacement.
-            noise: of one reading.
         """
         column, result = self.values[channel], [Branch.HOLD] * len(self)
         for rows in self.sequences:
@@ -224,13 +220,6 @@ def check_labels(
     remedy: str = "add it to the sheet's [postures]",
 ) -> None:  # fmt: skip
     """Refuse labels of postures that are not known.
-
-    Args:
-        labels: of the readings.
-        rows: their lines of the file.
-        known: labels.
-        whose: these are, for people.
-        remedy: what may be done.
 
     Raises:
         DataError: naming the row and what is known.

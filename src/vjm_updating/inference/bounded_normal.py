@@ -27,11 +27,8 @@ ROUNDING = numerical(1e-9)
 def mode(A: Array, b: Array, low: Array, high: Array) -> tuple[Array, np.ndarray]:
     """Where ``½ zᵀAz − bᵀz`` is smallest within bounds, and which coordinates are free there.
 
-    Args:
-        A: positive definite ``(n, n)``, coordinates so scaled that its diagonal is of one order.
-        b: ``(n,)``.
-        low: ``(n,)`` and
-        high: ``(n,)`` bounds, infinite where there is none.
+    ``A`` (n, n) is positive definite, its coordinates so scaled that its diagonal is of one order; bounds (n,) are
+    infinite where there is none.
 
     Returns:
         z ``(n,)``, and ``(n,)`` whether each stands at no bound.
@@ -76,10 +73,7 @@ def log_beyond(slope: Array) -> Array:
     """Logarithm of ``∫₀^∞ exp(−g t − t²/2) dt / √(2π)``: Mills' ratio of g over √(2π).
 
     The integral within its bound of a normal distribution of variance one, as a share of the whole one, in units of
-    the density at the bound, which falls inwards by g per standard deviation.
-
-    Args:
-        slope: g ``(n,)``, not negative.
+    the density at the bound, which falls inwards by g per standard deviation. ``slope`` is g (n,), not negative.
 
     Example:
         >>> round(float(np.exp(log_beyond(np.zeros(1)))[0]), 3)
@@ -102,14 +96,9 @@ def log_share(low: Array, high: Array) -> Array:
 def truncated_draws(mean: Array, C: Array, low: Array, high: Array, start: Array) -> Array | None:
     """Draws ``(n, d)`` from a normal distribution truncated to a box; None where no bound is near.
 
-    Coordinates far from their bounds follow by their regression on the others.
-
-    Args:
-        mean: ``(d,)`` of the distribution without bounds.
-        C: ``(d, d)`` its covariance; a coordinate without variance stays.
-        low: ``(d,)`` and
-        high: ``(d,)`` the box, infinite where there is none.
-        start: ``(d,)`` in the box.
+    Coordinates far from their bounds follow by their regression on the others. Without bounds it has ``mean`` (d,)
+    and covariance ``C`` (d, d), where a coordinate without variance stays. The box is infinite where there is no
+    bound; ``start`` (d,) lies in it.
     """
     sd = np.sqrt(np.maximum(np.diag(C), 0.0))
     cut = np.flatnonzero((sd > 0.0) & ((mean - low < FAR * sd) | (high - mean < FAR * sd)))
@@ -173,19 +162,11 @@ def bounded_step(
 ) -> Array:
     """A damped step within the bounds and the trusted range of each coordinate.
 
-    What would go further stops there, and the others do what is best beside it: a bow, say, acts by its square,
-    and the slope at a small one says little of a large one. Readings are linear in an instrument's zero and scale,
-    and their slope holds as far as the bounds.
-
-    Args:
-        A: normal matrix ``(k, k)``.
-        b: right side ``(k,)``.
-        damping: share of the diagonal that is added to it.
-        fixed: ``(k,)`` coordinates that stay.
-        linear: ``(k,)`` those in which readings are linear.
-        z: where they are ``(k,)``.
-        low: bounds ``(k,)``.
-        high: likewise.
+    What would go further stops there, and the others do what is best beside it: a bow, say, acts by its square, and
+    the slope at a small one says little of a large one. Readings are linear in an instrument's zero and scale, and
+    their slope holds as far as the bounds. ``A`` (k, k) and ``b`` (k,) are the normal equations, ``z`` (k,) is
+    where the coordinates are, ``damping`` the share of the diagonal that is added. Those that are ``fixed`` (k,)
+    stay.
     """
     most = np.where(linear, np.inf, LONGEST * (1.0 + np.abs(z)))
     floor, roof = np.maximum(low - z, -most), np.minimum(high - z, most)

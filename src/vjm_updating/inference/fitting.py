@@ -158,10 +158,6 @@ def displaced(observed: Observed, evaluation: Evaluation) -> float:
     Under force control displacements are what was read. The residuals are forces at these, so that their density is
     to be multiplied by the determinant of the stiffness that was gone along. Else a soft machine would gain by what
     little a gauge's noise makes of forces. It is 0 where displacements were imposed.
-
-    Args:
-        observed: the readings.
-        evaluation: a model at them.
     """
     if observed.columns != WRENCH or not observed.measurement.sheet.test.by_force:
         return 0.0
@@ -185,9 +181,6 @@ class Fit:
     """A hypothesis at its best.
 
     Attributes:
-        hypothesis: the causes.
-        found: its coordinates.
-        at: the readings there.
         jacobian: of the raw residuals ``(n, 6, n_z)``.
         objective: twice the negative logarithm of likelihood and prior, see `Fitter.objective`.
         converged: whether it ended by itself.
@@ -233,9 +226,7 @@ class Fitter:
     """Fits hypotheses to one test.
 
     Attributes:
-        forward: that predicts readings.
         nuisances: coordinates of every hypothesis: the nuisances, and what a calibration looks for.
-        whitening: in force.
         rounding: squares by which predictions of two machines differ where they should not.
     """
 
@@ -269,12 +260,8 @@ class Fitter:
     ) -> Evaluation | None:
         """The readings, or None where the machine does not stand.
 
-        Args:
-            unknowns: the hypothesis' coordinates.
-            z: their values ``(n_z,)``.
-            hypothesis: its causes.
-            beside: see `vjm_updating.inference.forward.Forward.evaluate`.
-            held: a machine near by whose tables are to serve; exact without.
+        The tables of a machine near by that is ``held`` serve; without it is exact. For ``beside`` see
+        `vjm_updating.inference.forward.Forward.evaluate`.
         """
         near = None if beside is None else _made(beside, held)
         try:
@@ -303,12 +290,8 @@ class Fitter:
     ) -> Array:
         """Derivatives ``(n, 6, n_z)`` of the raw residuals.
 
-        Args:
-            unknowns: the hypothesis' coordinates.
-            evaluation: the readings there.
-            hypothesis: its causes.
-            borrowed: those by the machine's nuisances ``(n, 6, m)``, of a fit near by; differentiated without, and
-                where the hypothesis frees them.
+        Those by the machine's nuisances, but where the hypothesis frees them, are ``borrowed`` (n, 6, m) of a fit
+        near by, where they are given.
         """
         J = np.zeros((*evaluation.residual.shape, len(unknowns)))
         machine = self.of_machine
@@ -466,9 +449,6 @@ class Descent:
     """A fit on its way.
 
     Attributes:
-        fitter: of the test.
-        hypothesis: the causes.
-        found: its coordinates.
         at: the readings where it is, by tables of their own.
         J: derivatives ``(n, 6, n_z)`` of the raw residuals.
         worth: squares there.
@@ -562,16 +542,9 @@ def best_fit(
 ) -> Fit | None:
     """The best coordinates from a start; None where the machine does not stand there.
 
-    Args:
-        fitter: of the test.
-        hypothesis: the causes.
-        nuisances: to start from ``(m,)``.
-        values: of each effect.
-        borrowed: slopes by the machine's nuisances ``(n, 6, m)`` of a fit near by, made anew only where they lead
-            astray: they only choose a direction, since at the best of a right model the residual is noise. Without,
-                the fit's
-            own, to the end.
-        target: squares worth reaching; a fit that will hardly come so far is given up.
+    Where slopes by the machine's nuisances are ``borrowed`` (n, 6, m) of a fit near by, they are made anew only
+    where they lead astray: they only choose a direction, since at the best of a right model the residual is noise.
+    A fit that will hardly come down to ``target`` squares is given up.
     """
     unknowns = coordinates(fitter.nuisances, hypothesis)
     # what a hypothesis frees is its parameter, and no slope of another fit tells what it does

@@ -48,12 +48,9 @@ LEAST = numerical(3)
 def at_their_means(observed: Observed, evaluation: Evaluation) -> Observed:
     """The same with idle axes at their means along each ray, where the forces do not follow their gauges.
 
-    So are those whose forces are too small to tell, and which scatter no more than their gauges do.
-
-    Args:
-        observed: readings of a test that imposes displacements, several of which were read.
-        evaluation: the nominal machine at them; of it the stiffness matters, and what forces miss from reading to
-            reading.
+    So are those whose forces are too small to tell, and which scatter no more than their gauges do. Several
+    displacements were imposed and read. Of the nominal machine's ``evaluation`` matters the stiffness, and what
+    forces miss from reading to reading.
     """
     regressions = {}
     for k in observed.slots.values():
@@ -84,12 +81,8 @@ def followed_share(observed: Observed, evaluation: Evaluation, k: int) -> float:
     """Share of what a gauge reads beside its mean while idle that forces follow; 0 where they cannot tell.
 
     Forces change along a ramp, and a model that lacks a cause misses smooth parts of that. Second differences from
-    reading to reading have little of these.
-
-    Args:
-        observed: the readings.
-        evaluation: the nominal machine at them.
-        k: of the displacement among the six.
+    reading to reading have little of these. The ``evaluation`` is the nominal machine's; ``k`` counts among the six
+    displacements.
     """
     lines = _levels(observed, k)
     off = np.where(lines.any(axis=1), observed.pose[:, k] - lines @ (lines.T @ observed.pose[:, k]), 0.0)
@@ -142,7 +135,6 @@ class Ramp:
     """Readings along one ray and against it.
 
     Attributes:
-        ray: its posture, direction and measure.
         index: of the readings ``(k,)``.
         reach: how far tables go along the ray, and against it.
         branches: that loading and unloading take behind a bifurcation.
@@ -182,7 +174,6 @@ class Forward:
     """Predicts readings; keeps the tables that it has made.
 
     Attributes:
-        observed: the readings.
         branches: which of two mirrored branches a half-ray takes, by (ray, sign); +1 by default.
         at_readings: whether tables have equilibria at the very displacements that were read, and must reach them.
     """
@@ -216,12 +207,8 @@ class Forward:
     ) -> Evaluation:
         """Readings against a hypothesis.
 
-        Args:
-            unknowns: its coordinates.
-            z: their values ``(n_z,)``.
-            hypothesis: its causes.
-            beside: values a little beside, where a derivative is made: its tables are along their displacements,
-                from where the stiffness leads on, and at the equilibria of their machine moved by what differs.
+        Where a derivative is made, ``beside`` are values a little beside: tables are along their displacements,
+        from where the stiffness leads on, and at the equilibria of their machine moved by what differs.
 
         Raises:
             NoConvergenceError: the machine does not stand.
@@ -494,12 +481,7 @@ def values_of(unknowns: Sequence[Coordinate], z: Array, hypothesis: Hypothesis) 
 
 @dataclass
 class PlainForward:
-    """All of a `vjm_updating.inference.forward.Predictor` but its predictions.
-
-    Attributes:
-        observed: the readings.
-        branches: none.
-    """
+    """All of a `vjm_updating.inference.forward.Predictor` but its predictions."""
 
     observed: Observed
     branches: dict[tuple[int, int], int] = field(default_factory=dict)

@@ -29,7 +29,6 @@ class InstrumentErrors:
         gain_u: one plus their scale errors ``(6,)``.
         zero: zeros of the channels that were read ``(m,)``, of a wrench N, N mm.
         gain: one plus their scale errors ``(m,)``.
-        columns: names of the channels that were read, m.
     """
 
     zero_u: Array
@@ -47,10 +46,8 @@ class InstrumentErrors:
     ) -> InstrumentErrors:
         """From errors by kind and channel; whatever else there is of other kinds or channels has no say.
 
-        Args:
-            values: zeros in the channel's unit and relative scale errors, by (kind, channel).
-            slots: component of the displacement by channel.
-            columns: names of the channels that were read, m.
+        ``values`` are zeros in the channel's unit and relative scale errors; ``slots`` has the displacement's
+        component by channel.
         """
 
         def errors(kind: Kind, channels: Mapping[str, int], count: int) -> Array:
@@ -99,11 +96,7 @@ def size_of(channel: str) -> float:
 
 @dataclass(frozen=True)
 class InstrumentZero(Effect):
-    """A constant error of a channel beyond its sheet value.
-
-    Attributes:
-        part: the channel.
-    """
+    """A constant error of a channel beyond its sheet value."""
 
     part: str = "fx_N"
     cause = "instrument_zero"
@@ -113,11 +106,7 @@ class InstrumentZero(Effect):
 
 @dataclass(frozen=True)
 class InstrumentScale(Effect):
-    """A scale error of a channel beyond its sheet value.
-
-    Attributes:
-        part: the channel.
-    """
+    """A scale error of a channel beyond its sheet value."""
 
     part: str = "fx_N"
     cause = "instrument_scale"
@@ -130,7 +119,6 @@ class ThermalDrift(Effect):
     """A reading that follows the clock or the temperature.
 
     Attributes:
-        part: the channel.
         by: ``K`` or ``s``.
         span: of the temperature or the clock during the test.
         since: what the clock shows at the first reading, in spans.
@@ -184,10 +172,8 @@ class ThermalDrift(Effect):
     def course(self, warmth: Array | None, clock: Array | None, values: Sequence[float]) -> Array:
         """What drift adds to the reading ``(n,)``.
 
-        Args:
-            warmth: of the room since the first reading ``(n,)``, K; None where no drift follows it.
-            clock: since the first reading ``(n,)``, s; None where no drift follows it, and none lags.
-            values: of the quantities.
+        ``warmth`` (n,) is the room's since the first reading, K, ``clock`` (n,) likewise, s; None where no drift
+        follows it, and none lags.
         """
         by = warmth if self.by == "K" else clock
         assert by is not None
@@ -205,12 +191,8 @@ def lagging(warmth: Array, clock: Array, lag: float) -> Array:
     """The temperature ``(n,)`` of what warms with a time constant, in equilibrium at first.
 
     The room's temperature goes straight from one reading to the next; θ' = (T − θ)/τ has then the exact solution
-    that is summed here.
-
-    Args:
-        warmth: of the room ``(n,)``, K.
-        clock: ``(n,)``, s.
-        lag: time constant τ, s; not negative.
+    that is summed here. ``warmth`` (n,) is the room's, K, ``clock`` (n,) is in s; the time constant τ is ``lag``,
+    s, not negative.
     """
     if lag <= 0.0:
         return warmth

@@ -156,8 +156,6 @@ class JointThreeSlopes(InDrive):
     Attributes:
         force: largest force of the test at the lever, N.
         compliance: of the model's spring there, mm/N.
-        part: the joint.
-        drive: its place.
     """
 
     force: float = 1.0
@@ -238,11 +236,7 @@ def three_slopes(values: Sequence[float]) -> StrainWave:
 def beyond_straight(law: Law, joint: str, compliance: float, lever: float) -> SeriesElement:
     """What a joint's law in the model extends by beyond a straight spring, as an element at a lever.
 
-    Args:
-        law: of the joint, in its own units.
-        joint: its name.
-        compliance: of the straight spring at the lever, mm/N.
-        lever: mm; 1 where it slides.
+    The straight spring has its ``compliance``, mm/N, at a ``lever``, mm, which is 1 where the joint slides.
     """
 
     def extension(N: Array) -> tuple[Array, Array]:
@@ -311,8 +305,6 @@ class DriveFriction(Effect):
     Attributes:
         largest: load of the test on the joint, N mm, or N where it slides.
         reach: largest motion, rad or mm.
-        slides: whether the joint does.
-        part: the joint.
     """
 
     largest: float = 1.0
@@ -348,12 +340,8 @@ class DriveFriction(Effect):
 def drive_of(name: str, *, slides: bool, compliance: float, lever: float, force: float) -> DriveSite:
     """The place of a joint's effects.
 
-    Args:
-        name: of the joint.
-        slides: whether it does.
-        compliance: in the model, rad/(N mm) or mm/N.
-        lever: mm at which a turn is counted; 1 for what slides.
-        force: largest of the test at the lever, N.
+    The ``compliance`` is the model's, rad/(N mm) or mm/N. Turns are counted at ``lever`` mm, 1 for what slides,
+    where ``force``, N, is the largest of the test.
     """
     c = compliance * lever**2
     return DriveSite(name, name, not slides, lever, c, c, force)

@@ -159,11 +159,8 @@ class LoadForward(PlainForward):
         """What gauges read ``(n, m)`` more since the stress of a beam relaxes: it deflects by its share, and later.
 
         Of what is linear in the beam's compliance; its relaxing shares φ and times τ are then delayed compliances
-        ``φ/(1 − Σφ)`` and times ``τ/(1 − Σφ)`` under a load that does not depend on it.
-
-        Args:
-            moved: what they read by the logarithm of the beam's compliance ``(n, m)``.
-            r: what relaxes of it.
+        ``φ/(1 − Σφ)`` and times ``τ/(1 − Σφ)`` under a load that does not depend on it. ``moved`` (n, m) is what
+        they read by the logarithm of the beam's compliance.
         """
         rest = 1.0 - sum(r.shares)
         terms = zip(r.shares, r.times, strict=True)

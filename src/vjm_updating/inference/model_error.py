@@ -39,10 +39,8 @@ SEEN = numerical(1e-12)
 def principal(products: Array) -> tuple[Array, Array]:
     """Principal directions ``(n, k)`` of a discrepancy's columns, and their sizes ``(k,)``.
 
-    From the products: what is smaller than half of the digits of the largest changes nothing.
-
-    Args:
-        products: of the columns with one another ``(n, n)``.
+    From the products: what is smaller than half of the digits of the largest changes nothing. ``products`` (n, n)
+    are of the columns with one another.
 
     Example:
         >>> principal(np.diag([4.0, 0.0]))[1].tolist()
@@ -56,11 +54,9 @@ def principal(products: Array) -> tuple[Array, Array]:
 def costs(sizes: Array, left: Array, law_error: float) -> Array:
     """Twice the negative logarithm of what a discrepancy changes of the evidence, by its relative error at `NODES`.
 
-    Args:
-        sizes: standard deviations ``(k,)`` in units of the noise, of a law that is wrong by its own size, along the
-            discrepancy's principal directions in the space that the fit cannot absorb.
-        left: the residual along them ``(k,)``.
-        law_error: scale of the relative error's half-Cauchy prior.
+    A law that is wrong by its own size has ``sizes`` (k,) along the discrepancy's principal directions in the space
+    that the fit cannot absorb: standard deviations in units of the noise. The residual along them is ``left`` (k,).
+    The scale of the relative error's half-Cauchy prior is ``law_error``.
     """
     variance = (law_error * NODES[:, None] * sizes) ** 2
     result: Array = np.sum(np.log1p(variance) - left**2 * variance / (1.0 + variance), axis=1)

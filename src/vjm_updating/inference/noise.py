@@ -24,10 +24,8 @@ from vjm_updating.experiment.data_file import POSE, WRENCH
 def gains(before: np.ndarray, power: Array, share: Array) -> tuple[Array, Array]:
     """Standard deviations ``(n, m)`` of what is new, and gains ``(n, m)``.
 
-    Args:
-        before: index ``(n, m)`` of the sample before, −1 where there is none.
-        power: autocorrelation ``(n, m)`` over the gap to it.
-        share: of each channel's variance ``(m,)`` that is autocorrelated.
+    The sample before has the index ``before`` (n, m), −1 where there is none, and the autocorrelation over the gap
+    to it is ``power`` (n, m). Of each channel's variance a ``share`` (m,) is autocorrelated.
     """
     n, m = before.shape
     size, gain = np.empty((n, m)), np.empty((n, m))
@@ -99,11 +97,8 @@ def noise_of(
 ) -> Noise:
     """Noise of a measurement's channels.
 
-    Args:
-        measurement: sheet and readings.
-        imposed: six columns.
-        read: the m columns of what was read.
-        stepped: one of them that was imposed in steps all the same.
+    Six columns were ``imposed``, m were ``read``; ``stepped`` is one of these that was imposed in steps all the
+    same.
 
     Raises:
         ValueError: a channel that was read has none at all.
@@ -147,11 +142,8 @@ def rounding_step(values: Array) -> float:
 def whiten(pose: Array, wrench: Array, sensitivity: Array, present: np.ndarray) -> Array:
     """Inverse Cholesky factors ``(n, 6, 6)`` of the readings' covariances.
 
-    Args:
-        pose: standard deviation ``(n, 6)`` of each displacement.
-        wrench: and of one wrench ``(6,)``, or of each ``(n, 6)``.
-        sensitivity: K^F ``(n, 6, 6)`` as the channels read it, scale errors included.
-        present: ``(n, 6)`` which channels were read; the others become independent of all.
+    ``pose`` (n, 6), and ``wrench`` (6,) or (n, 6), are standard deviations, ``sensitivity`` (n, 6, 6) is K^F as the
+    channels read it, scale errors included. Channels that were not ``present`` (n, 6) become independent of all.
     """
     K = np.nan_to_num(sensitivity)
     own = range(wrench.shape[-1])
@@ -212,9 +204,7 @@ class AutoregressiveNoise:
 def uncorrelated_noise(sequence: np.ndarray, present: np.ndarray) -> AutoregressiveNoise:
     """No autocorrelation yet, but who precedes whom.
 
-    Args:
-        sequence: number ``(n,)`` of each reading's sequence.
-        present: ``(n, 6)`` which channels were read.
+    ``sequence`` (n,) has the number of each reading's sequence; ``present`` (n, 6) channels were read.
     """
     n, m = present.shape
     before, gap = np.full((n, m), -1), np.zeros((n, m), dtype=int)

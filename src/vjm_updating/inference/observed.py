@@ -74,8 +74,7 @@ class RampRegression:
     def errors(self, rho: float) -> Array:
         """What is not known of the lines ``(n, s)``: independent errors of unit size, for noise of unit size.
 
-        Args:
-            rho: autocorrelation of neighbouring readings.
+        ``rho`` is the autocorrelation of neighbouring readings.
         """
         order = np.arange(len(self.sequence))
         together = self.sequence[:, None] == self.sequence
@@ -90,13 +89,9 @@ def steady(
 ) -> RampRegression | None:
     """The lines of a test that was driven steadily, or of its holds; None where its forces do not say so.
 
-    Args:
-        sequence: number ``(n,)`` of each reading's sequence.
-        when: clock ``(n,)``, or the order of the readings.
-        read: displacement ``(n,)`` as its gauge read it.
-        sigma: of one such reading.
-        wrench: forces and moments ``(n, 6)``, nan where there is none.
-        noise: of one ``(6,)``.
+    Of each reading ``sequence`` (n,) is the number of its sequence, ``when`` (n,) its clock or order, ``read`` (n,)
+    the displacement by a gauge of noise ``sigma``, and ``wrench`` (n, 6), nan where there is none, has a ``noise``
+    (6,).
     """
     if sigma <= 0.0 or np.bincount(sequence).max() > MOST:
         return None
@@ -116,15 +111,8 @@ def steadiest(
 
     A drive may go at a steady rate while readings are taken now and then, or by even steps that take their time:
     lines are then straight over the clock, or over the order of the readings. Over the other one they are only
-    nearly so, and forces do not always tell.
-
-    Args:
-        sequence: number ``(n,)`` of each reading's sequence.
-        times: a clock ``(n,)``, the order of the readings.
-        read: displacement ``(n,)`` as its gauge read it.
-        sigma: of one such reading.
-        wrench: forces and moments ``(n, 6)``, nan where there is none.
-        noise: of one ``(6,)``.
+    nearly so, and forces do not always tell. ``times`` are a clock (n,) and the order of the readings; other
+    arguments are as of `steady`.
     """
     regressions = [steady(sequence, when, read, sigma, wrench, noise) for when in times]
     price = float(np.log(len(read))) * (1.0 + ASSUMED_AUTOCORRELATION) / (1.0 - ASSUMED_AUTOCORRELATION)
@@ -142,13 +130,7 @@ def pieces(sequence: np.ndarray, when: Array, read: Array, sigma: float) -> list
     Of all cuts of a sequence the one with the least squares and the least price (Bellman's principle). A
     parameter's price is Schwarz's: the logarithm of the readings, times what an autocorrelation adds to a mean's
     variance. A sequence is always cut where the displacement passes zero: ramps to either side are programmed from
-    there, and their rates differ.
-
-    Args:
-        sequence: number ``(n,)`` of each reading's sequence.
-        when: clock ``(n,)``.
-        read: displacement ``(n,)``.
-        sigma: of one reading.
+    there, and their rates differ. Arguments are as of `steady`.
     """
     parts: list[Piece] = []
     for own in _sides(sequence, read, sigma):
@@ -269,12 +251,9 @@ readings have one temperature; above, the noise does not count."""
 def smoothed(temperature: Array, noise: float) -> Array:
     """The most probable temperatures behind noisy readings: a random walk seen with noise.
 
-    The walk's variance per reading is the most likely one. The smoother is that of Rauch, Tung and Striebel
-    (AIAA J. 3 (1965) 1445) for the local level model.
-
-    Args:
-        temperature: readings ``(n,)`` in the order in which they were taken, °C.
-        noise: standard deviation of one reading, K; zero leaves the readings as they are.
+    The walk's variance per reading is the most likely one. The smoother is that of Rauch, Tung and Striebel (AIAA
+    J. 3 (1965) 1445) for the local level model. Readings of the ``temperature`` (n,) are in the order in which they
+    were taken, °C, each of a standard deviation ``noise``, K; zero leaves them as they are.
 
     Returns:
         ``(n,)`` °C.
@@ -314,13 +293,10 @@ class Observed:
     Of a ramp displacements are imposed and the wrench is read; of a test by force it is the reverse.
 
     Attributes:
-        measurement: sheet, readings and machine.
-        readings: those that are used.
         pose: displacements ``(n, 6)``, mm, rad: as read, or where they are `straightened` as commanded; of a test
             by force the loads, N, N mm.
         wrench: as read ``(n, m)``, N, N mm; nan where there is no reading, or an outlier; of a test by force the
             displacements, mm, rad.
-        noise: of one reading.
         rays: of the readings, by posture and run.
         clock: s since the first reading ``(n,)``, or None.
         warmth: K above the first reading ``(n,)``, or None.
@@ -472,13 +448,8 @@ def commanded(observed: Observed, steady: Mapping[int, RampRegression]) -> Obser
 def planned(observed: Observed, posture: str, axis: Array, ramp: Array) -> Observed:
     """Readings to be taken in one posture, in one sequence, with the instruments of the test at hand.
 
-    Forces are zero where a channel was read. There is no clock, and displacements are as read.
-
-    Args:
-        observed: the test at hand.
-        posture: label.
-        axis: ``(6,)`` displacement per unit of the ramp; one component is 1.
-        ramp: at each reading ``(n,)``, mm or rad.
+    Forces are zero where a channel was read. There is no clock, and displacements are as read. Of the ``axis``
+    (6,), displacement per unit of the ramp, one component is 1; ``ramp`` (n,) is in mm or rad.
     """
     n = len(ramp)
     pose = ramp[:, None] * axis

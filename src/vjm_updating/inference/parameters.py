@@ -34,14 +34,10 @@ class Coordinate:
     """One number z that a fit looks for, in units of ``scale``.
 
     Attributes:
-        name: for people.
         kind: a `vjm_updating.experiment.Kind`, or what else it is of.
         subject: channel or part; of an effect its index in the hypothesis, as text.
         scale: of the coordinate; a nuisance's sigma.
-        mean: of its prior.
         sigma: of its prior, in units of the scale; infinite where there is none, zero where it is fixed.
-        low: bound.
-        high: bound.
         difference: step of z, or share of it, by which what it does is differentiated.
     """
 
@@ -85,11 +81,7 @@ def instrument_errors(
 ) -> InstrumentErrors:
     """Zeros and scales among coordinates ``(n_z,)``.
 
-    Args:
-        unknowns: coordinates.
-        z: their values.
-        slots: the displacement's components by channel.
-        columns: names of the channels that were read.
+    ``slots`` has the displacement's components by channel, ``columns`` names the channels that were read.
     """
     values = {(c.kind, c.subject): c.value(v) for c, v in zip(unknowns, z, strict=True) if c.of_instrument}
     return InstrumentErrors.of(values, slots, columns)
@@ -108,7 +100,6 @@ class Evaluation:
         wrench: of the machine ``(n, 6)``, N, N mm.
         stiffness: its derivative by the displacement ``(n, 6, 6)``.
         place: true displacements ``(n, 6)``, mm, rad.
-        errors: of the instruments.
         exact: derivative ``(n, 6)`` of the residuals by the coordinate of an index, where a model knows it; None
             where it is to be differentiated.
     """
@@ -130,10 +121,8 @@ class Evaluation:
     def slope(self, kind: str, channel: str, slots: Mapping[str, int]) -> Array:
         """Derivative ``(n, 6)`` of the residuals by a zero, in its unit, or by a scale error.
 
-        Args:
-            kind: `Kind.ZERO` or `Kind.SCALE`.
-            channel: of the wrench or the displacement; residuals do not depend on others.
-            slots: component of the displacement by channel.
+        ``kind`` is `Kind.ZERO` or `Kind.SCALE`; ``slots`` has the displacement's components by channel. Residuals
+        do not depend on channels that are neither of the wrench nor of these.
         """
         result = np.zeros(self.wrench.shape)
         if channel in self.errors.columns:
@@ -163,11 +152,7 @@ USUAL = prior_scale({Kind.SCALE: 0.01, Kind.MODULUS: 0.02, Kind.LENGTH: 0.2, Kin
 
 @dataclass(frozen=True, kw_only=True)
 class EffectCoordinate(Coordinate):
-    """Of a quantity of an effect.
-
-    Attributes:
-        quantity: with its unit and its law.
-    """
+    """Of a quantity of an effect."""
 
     quantity: Quantity
 

@@ -34,11 +34,8 @@ def standing_out(observed: Observed, residual: Array, factors: Array) -> np.ndar
     """Samples ``(n, 6)`` that stand out of their neighbours, whatever the model gets wrong.
 
     Each channel is judged by what it is given the others of its reading: an error of the displacement shows in all.
-
-    Args:
-        observed: the readings.
-        residual: reading minus model ``(n, 6)``.
-        factors: inverse Cholesky factors ``(n, 6, 6)`` of the readings' covariances.
+    ``residual`` (n, 6) is reading minus model; ``factors`` (n, 6, 6) are inverse Cholesky factors of the readings'
+    covariances.
     """
     inverse = np.einsum("nki,nkj->nij", factors, factors)
     given = np.einsum("nij,nj->ni", inverse, residual) / np.sqrt(np.einsum("nii->ni", inverse))
@@ -78,12 +75,9 @@ def standing_out(observed: Observed, residual: Array, factors: Array) -> np.ndar
 def deleted(whitening: Whitening, residual: Array) -> Array:
     """Each sample's distance ``(n, 6)`` from what the others let expect of it, in standard deviations.
 
-    With P the inverse covariance of all residuals r it is ``(P r)_i / √P_ii``; P is factored into the readings'
-    own covariances and their autocorrelation. The likeliest errors of straight lines are taken from r before.
-
-    Args:
-        whitening: of the residuals.
-        residual: reading minus model ``(n, 6)``.
+    With P the inverse covariance of all residuals r it is ``(P r)_i / √P_ii``; P is factored into the readings' own
+    covariances and their autocorrelation. The likeliest errors of straight lines are taken from r before.
+    ``residual`` (n, 6) is reading minus model.
     """
     autoregression, F = whitening.autoregression, whitening.factors
     back, diagonal = autoregression.back(autoregression.remove(whitening.instant(whitening.without_slow(residual))))
@@ -95,9 +89,7 @@ def deleted(whitening: Whitening, residual: Array) -> Array:
 def loads(observed: Observed, residual: Array) -> Array:
     """What should have been read ``(n, 6)``, over its noise.
 
-    Args:
-        observed: the readings.
-        residual: reading minus model ``(n, 6)``, of every reading.
+    ``residual`` (n, 6) is reading minus model, of every reading.
     """
     result: Array = (observed.wrench - residual) / observed.noise.wrench
     return result
@@ -106,12 +98,8 @@ def loads(observed: Observed, residual: Array) -> Array:
 def outlying(observed: Observed, whitening: Whitening, residual: Array, known: Array, load: Array) -> Array:
     """Samples ``(n, 6)`` that are not what the others let expect, the worst among neighbours only: which way, or 0.
 
-    Args:
-        observed: the readings.
-        whitening: of the residuals, those known left out.
-        residual: reading minus model ``(n, 6)``.
-        known: outliers ``(n, 6)`` found before, which count where it is asked whether they are accidents.
-        load: what should have been read ``(n, 6)``, over its noise.
+    ``residual`` (n, 6) is reading minus model, ``load`` as of `loads`. Outliers ``known`` (n, 6) from before are
+    left out of the ``whitening``; they count where it is asked whether outliers are accidents.
     """
     off = deleted(whitening, residual)
     size = np.abs(off)
@@ -129,11 +117,7 @@ def _few(observed: Observed, way: Array, load: Array) -> Array:
     """None in a channel that has too many, or whose all lie together: then they are no accidents.
 
     Nor is a single one of the force driven where it is first felt: backlashes and dead zones may hide no more.
-
-    Args:
-        observed: the readings.
-        way: 1 or -1 for a sample ``(n, 6)`` that is too large or small, else 0.
-        load: what should have been read ``(n, 6)``, over its noise.
+    ``way`` (n, 6) is 1 or -1 for a sample that is too large or small, else 0; ``load`` is as of `loads`.
     """
     place = driven_place(observed)
     kept = way.copy()
@@ -163,9 +147,7 @@ def _in_a_row(way: Array) -> bool:
 def _smallest(load: Array, way: Array) -> float:
     """Chance that, of as many samples at random, so many of those read too small have loads among the smallest.
 
-    Args:
-        load: what should have been read ``(m,)``, where it would show.
-        way: 1 or -1 where a sample is too large or small, else 0 ``(m,)``.
+    ``load`` (m,) is what should have been read, where it would show; ``way`` (m,) is as of `_few`.
     """
     rising = np.argsort(np.abs(load))
     short = (way * load < 0.0)[rising]
@@ -181,12 +163,8 @@ def _smallest(load: Array, way: Array) -> float:
 def _first_felt(load: Array, way: Array, shows: np.ndarray) -> np.ndarray:
     """The sample of the smallest load that shows ``(n,)``, where it is read too small and no other load is near.
 
-    It may be the second, far above the first: zeros make a small load of what an unloaded machine shows.
-
-    Args:
-        load: what should have been read, over its noise.
-        way: 1 or -1 where a sample is too large or small, else 0.
-        shows: samples of a load that would show ``(n,)``.
+    It may be the second, far above the first: zeros make a small load of what an unloaded machine shows. ``load``
+    (n,) is as of `loads`, ``way`` (n,) as of `_few`.
     """
     indices = np.flatnonzero(shows)
     rising = indices[np.argsort(np.abs(load[indices]))]
@@ -252,12 +230,9 @@ def estimate_autocorrelation(
 ) -> AutoregressiveNoise:
     """The order of readings with its autocorrelations, by marginal likelihood.
 
-    Args:
-        autoregression: who precedes whom.
-        instant: whitened readings less the model at its nominal nuisances ``(n, 6)``, still autocorrelated.
-        shapes: whitened ``(n, 6, k)`` that a wrong model may leave.
-        present: ``(n, 6)``.
-        nuisances: whitened ``(n, 6, m)``, what one sigma of each nuisance does.
+    ``instant`` (n, 6) are whitened readings less the model at its nominal nuisances, still autocorrelated. A wrong
+    model may leave ``shapes`` (n, 6, k); one sigma of each nuisance does ``nuisances`` (n, 6, m). Both are
+    whitened.
     """
     known = np.zeros((*instant.shape, 0)) if nuisances is None else nuisances
     channels = [c for c in range(present.shape[1]) if present[:, c].sum() >= FEWEST]
@@ -295,9 +270,8 @@ def _log_prior_of_shares() -> Array:
 def _white_share(costs: Array, off: Array) -> int:
     """The number among `SHARES` of a channel's white share: none, where any other is not more probable.
 
-    Args:
-        costs: twice the negative logarithm of likelihood and prior ``(g, w)`` by autocorrelation and share.
-        off: of the prior ``(g,)`` of the autocorrelation.
+    ``costs`` (g, w) are twice the negative logarithm of likelihood and prior by autocorrelation and share, ``off``
+    (g,) that of the autocorrelation's prior.
     """
     each = logsumexp(-0.5 * costs + (np.log(np.gradient(GRID)) - 0.5 * off)[:, None], axis=0)
     return 1 + int(np.argmax(each[1:])) if logsumexp(each[1:]) > each[0] else 0
@@ -306,10 +280,8 @@ def _white_share(costs: Array, off: Array) -> int:
 def _white(costs: Array, apart: Array, off: Array) -> bool:
     """Whether white noise is more probable than an autocorrelated one; both are as probable before any reading.
 
-    Args:
-        costs: twice the negative logarithm of each channel's likelihood ``(c, g)`` by autocorrelation.
-        apart: of the prior ``(g, g)`` of a channel's autocorrelation (rows) beside the common one.
-        off: of the prior ``(g,)`` of the common one.
+    Twice negative logarithms are ``costs`` (c, g) of each channel's likelihood by autocorrelation, ``apart`` (g, g)
+    of the prior of a channel's (rows) beside the common one, ``off`` (g,) of the common one's.
     """
     share = np.log(np.gradient(GRID))[:, None]
     each = logsumexp(-0.5 * (costs[:, :, None] + apart) + share, axis=1)
@@ -325,10 +297,8 @@ def silent(bends: Array) -> bool:
     Noise of unit variance and of autocorrelation ρ has second differences of variance 2 (1 − ρ) (3 − ρ), the least
     for the strongest autocorrelation. Their median is the middle one of an ordered sample (of whose shares the
     distribution is a beta one). It may be smaller than `FALSE_ALARMS` allows, though the sheet says as much too
-    much of the standard deviation as it may. Then no autocorrelation is the reason.
-
-    Args:
-        bends: second differences ``(m,)`` of whitened readings; those three apart share no reading.
+    much of the standard deviation as it may. Then no autocorrelation is the reason. Of ``bends`` (m,), second
+    differences of whitened readings, those three apart share no reading.
     """
     half = 0.5 * (len(bends) // 3 + 1)
     least = np.sqrt(2.0 * (1.0 - STATIONARY) * (3.0 - STATIONARY) / NOISE_KNOWN)
@@ -413,12 +383,6 @@ def refit(fitter: Fitter, without: Without, everything: Observed, best: Fit) -> 
     """The best fit of the same causes without its outliers; autocorrelation and branches are found about it.
 
     The fitter goes on with them.
-
-    Args:
-        fitter: of the test.
-        without: leaves outliers out.
-        everything: all readings.
-        best: where to begin.
     """
     leave_out(fitter, without, everything, np.zeros_like(everything.present), best.at)
     whole = fitter.evaluate(best.found, best.at.z, best.hypothesis)
@@ -447,10 +411,7 @@ def refit(fitter: Fitter, without: Without, everything: Observed, best: Fit) -> 
 def update_autocorrelation(fitter: Fitter, base: Fit, changes: Sequence[Array]) -> None:
     """Estimate the noise's autocorrelation; what effects or smooth shapes could explain does not count as noise.
 
-    Args:
-        fitter: of the test.
-        base: a fit.
-        changes: what effects do to the readings ``(n, 6)``.
+    ``changes`` are what effects do to the readings (n, 6).
     """
     observed, whitening = fitter.forward.observed, fitter.whitening
     smooth, _ = smooth_shapes(observed)
@@ -503,12 +464,7 @@ DAMPING = numerical(1e-3)
 
 
 def begun_anew(fitter: Fitter, fit: Fit) -> Fit:
-    """A fit, or a better one of the same causes that begins elsewhere.
-
-    Args:
-        fitter: of the test.
-        fit: where the search for its causes ended.
-    """
+    """A fit, or a better one of the same causes that begins elsewhere."""
     best = fit
     for i, c in enumerate(fit.found):
         if c.kind != "effect" or not np.isfinite(c.sigma):
@@ -543,12 +499,7 @@ def after_a_step(
 ) -> tuple[float, Array]:
     """Squares one step from a place, infinite where the machine does not stand, and where ``(n_z,)`` that leads.
 
-    Args:
-        fitter: of the test.
-        hypothesis: the causes.
-        unknowns: its coordinates.
-        z: the place ``(n_z,)``.
-        held: indices of coordinates that stay.
+    Coordinates whose indices are ``held`` stay.
     """
     evaluation = fitter.evaluate(unknowns, z, hypothesis)
     if evaluation is None:

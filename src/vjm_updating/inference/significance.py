@@ -55,10 +55,7 @@ def student_isf(chance: float, freedom: float) -> float:
 def f_logsf(x: float, above: float, below: float) -> float:
     """Logarithm of the chance that a number of the F distribution is above ``x``; -inf where it underflows.
 
-    Args:
-        x: at least 0.
-        above: degrees of freedom of the numerator.
-        below: of the denominator.
+    The numerator has ``above`` degrees of freedom, the denominator ``below``.
     """
     chance = float(fdtrc(above, below, x))
     return float(np.log(chance)) if chance > 0.0 else -np.inf
@@ -132,8 +129,7 @@ MEDIAN_TO_SIGMA = definition(1.4826)
 def median_sigma(values: Array) -> float:
     """Standard deviation by the median of the sizes of what was read, which a minority of outliers does not carry.
 
-    Args:
-        values: of any shape, about zero; nan where nothing was read.
+    ``values`` are about zero, of any shape; nan where nothing was read.
 
     Example:
         >>> median_sigma(np.array([-1.0, 1.0, 1e3, np.nan]))
@@ -188,7 +184,6 @@ class PairedGain:
         after: after.
         mean: of the logarithm of squared errors before over those after, and
         std: its standard error, by blocks.
-        blocks: how many there are.
     """
 
     before: float
@@ -225,11 +220,8 @@ class PairedGain:
 def paired_gain(before: Array, after: Array, block: np.ndarray, weight: Array) -> PairedGain | None:
     """Compare the errors of two predictions of the same readings.
 
-    Args:
-        before: ``(g, k)`` errors of one prediction, in any unit; nan where there is none.
-        after: ``(g, k)`` of the other.
-        block: ``(g,)`` number of the block of each row.
-        weight: ``(g, k)`` of the readings.
+    ``before`` and ``after`` (g, k) are errors in any unit, nan where there is none, of readings of ``weight``
+    (g, k); ``block`` (g,) has the number of each row's block.
 
     Returns:
         None where there is nothing to compare.

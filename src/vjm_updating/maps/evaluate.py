@@ -82,10 +82,7 @@ def lost_by(error: NoConvergenceError) -> str:
 def principal(C: Array) -> Array:
     """Smallest and largest stiffness against forces (N/mm) and moments (N mm/rad) ``(g, 4)``.
 
-    Infinite in a direction in which nothing moves.
-
-    Args:
-        C: compliances ``(g, 6, 6)``.
+    Infinite in a direction in which nothing moves. ``C`` (g, 6, 6) are compliances.
     """
     rows = []
     for part in (slice(0, 3), slice(3, 6)):
@@ -283,9 +280,7 @@ class MapSetting:
     """What is asked of a machine at each point.
 
     Attributes:
-        machine: of any kind.
         engine: ``vjm`` solves for all points in one batch; another engine goes from point to point.
-        quantity: what is mapped.
         wrench: ``(6,)`` on the end, N, N mm.
         gravity: m/s².
         loads: on parts, in full.
@@ -347,8 +342,6 @@ class MapTask(NamedTuple):
     """Some points of a map.
 
     Attributes:
-        number: of the task.
-        setting: what is asked.
         q: coordinates ``(n, n_joints)``, neighbours next to one another.
     """
 
@@ -361,7 +354,6 @@ class MapRows(NamedTuple):
     """Answers at some points.
 
     Attributes:
-        task: its number.
         values: ``(n, c)`` in the order of `COLUMNS`, nan where there is no answer.
         why: ``(n,)`` `OK`, or why there is none.
         names: of the shares, ``(n,)`` part and kind, empty where there is no answer; else none at all.

@@ -112,7 +112,6 @@ class MapPoints:
     """The points of a grid.
 
     Attributes:
-        grid: the points.
         posture: label of the posture that gives what the grid leaves out.
         q: coordinates ``(g, n)`` of the model's joints; nan where a place is not reached.
         places: ``(g, 3)`` of the unloaded end frame, mm, from `grid_origin`; nan likewise.
@@ -135,13 +134,8 @@ def points_of(model: Mechanism, grid: MapGrid, posture: str, end: str = "") -> M
     """The points of a grid.
 
     What the grid leaves out stays as in the posture, the end-effector's direction too where the machine has six
-    drives or more. Passive joints stay, or follow where loops are closed.
-
-    Args:
-        model: the machine.
-        grid: of joints, or of places.
-        posture: label.
-        end: name of the end frame; the first where it is empty.
+    drives or more. Passive joints stay, or follow where loops are closed. Places are those of the ``end`` frame, by
+    default the first.
 
     Raises:
         ValueError: there is no such posture or end frame.
@@ -216,10 +210,7 @@ def _closed_at(model: Mechanism, positions: Array, closing: Closing, *, turns: b
 def _workspace_axes(text: str, name: str, workspace: Array | None) -> list[tuple[float, ...]]:
     """As many places along each side of a workspace as an option says, mm.
 
-    Args:
-        text: the option, a whole number.
-        name: of the machine, for messages.
-        workspace: corners ``(2, 3)``, mm; None: the machine's file has none.
+    ``workspace`` are corners (2, 3), mm; None: the machine's file has none.
 
     Raises:
         ValueError: there is no workspace, or it would be too many places.

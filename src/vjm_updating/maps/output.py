@@ -135,11 +135,7 @@ def write_planes(
 ) -> tuple[list[Path], list[str]]:
     """Write a figure of one map, or of those of several wrenches on one scale.
 
-    Args:
-        file: that is written.
-        quantity: of all.
-        axes: see `Difference`.
-        panels: titles, values ``(g, k)``, and g parts and kinds where the quantity has them.
+    ``panels`` are titles, values (g, k), and g parts and kinds where the quantity has them.
 
     Returns:
         The file, or a line that says why it is left out.

@@ -132,13 +132,7 @@ POINTS = numerical({
 
 @dataclass(frozen=True)
 class Map:
-    """What is to be mapped.
-
-    Attributes:
-        setting: what is asked at each point.
-        points: of the grid.
-        doubts: what is implausible about the machine's file.
-    """
+    """What is to be mapped."""
 
     setting: MapSetting
     points: MapPoints

@@ -75,13 +75,9 @@ def play(place: ElementSite, values: Sequence[float], largest: float) -> SeriesE
 
     ``x = g (½ tanh(N/N₀) + o + e N/F ((N² + N₀²)/F²)^(−1/6))``: g is the whole travel, N₀ the force within which it
     is crossed, and o where in it the unloaded machine stood, counted so that ``x = 0`` there. Beyond N₀ the ends
-    yield as ``e g (|N|/F)^(2/3)``, like Hertz's contacts: by the share e of the travel at the largest force F.
-    With e = 0 they are hard. A contact alone is the limit of no travel (`contact_compliance`).
-
-    Args:
-        place: where it is.
-        values: g in mm, o, N₀ in N, e.
-        largest: F in N.
+    yield as ``e g (|N|/F)^(2/3)``, like Hertz's contacts: by the share e of the travel at the largest force F. With
+    e = 0 they are hard. A contact alone is the limit of no travel (`contact_compliance`). ``values`` are g in mm,
+    o, N₀ in N, and e; ``largest`` is F in N.
     """
     gap, offset, crossed, ends = values
 
@@ -100,9 +96,7 @@ def play(place: ElementSite, values: Sequence[float], largest: float) -> SeriesE
 def travel(force: float, share: float = 1.0) -> tuple[Quantity, ...]:
     """Travel, place, the force that crosses it, and how far its ends yield.
 
-    Args:
-        force: largest of the test, N.
-        share: of the forces at which ends are usually met.
+    ``force`` is the largest of the test, N; ``share`` is of the forces at which ends are usually met.
     """
     return (
         Quantity("gap_mm", 0.0, 5.0, 0.01, neutral=0.0),
@@ -126,7 +120,6 @@ class ActuatorBacklash(InDrive):
     Attributes:
         force: largest of the test on the drive, N.
         part: the joint in which the drive is; empty: the drive before all passive joints.
-        drive: the same.
     """
 
     force: float = 1000.0

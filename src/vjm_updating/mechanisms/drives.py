@@ -40,7 +40,6 @@ class DriveSite:
     Attributes:
         part: what a verdict calls it; empty for the drive before all passive joints.
         joint: name of the joint; empty for that drive.
-        turns: whether it turns.
         lever: mm at which a turn is counted; 1 for what slides.
         compliance: of its spring in the model at the lever, mm/N.
         matters: change of it that matters, mm/N at the lever; of a joint a share, `part_compliance.FACTOR`'s, of
@@ -98,11 +97,7 @@ BEFORE_JOINTS = DriveSite()
 
 
 class InDrive(Effect, ABC):
-    """A cause in a drive, told by a law in mm and N.
-
-    Attributes:
-        drive: which.
-    """
+    """A cause in a drive, told by a law in mm and N."""
 
     drive: DriveSite = BEFORE_JOINTS
 
@@ -228,7 +223,6 @@ class ActuatorCompliance(InDrive):
 
     Attributes:
         part: the joint in which the drive is; empty: the drive before all passive joints.
-        drive: the same.
     """
 
     part: str = ""
@@ -309,7 +303,6 @@ class ActuatorHardening(InDrive):
         force: N_max, the largest force of the test on the drive, N.
         compliance: c₀ of the drive's spring in the model, mm/N; zero where it has none, and c₀ is looked for.
         part: the joint in which the drive is; empty: the drive before all passive joints.
-        drive: the same.
     """
 
     force: float = 1000.0
@@ -418,7 +411,6 @@ class DriveAsymmetry(PullAndPush):
     Attributes:
         compliance: of the drive's spring in the model, mm/N.
         part: ``actuator``, or the joint in which it is.
-        drive: the same.
     """
 
     compliance: float = 1e-5

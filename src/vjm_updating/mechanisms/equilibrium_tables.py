@@ -47,7 +47,6 @@ class HalfRay:
     """A ramp to be tabulated.
 
     Attributes:
-        posture: label.
         direction: ``(6,)`` displacement per unit of the ramp.
         reach: its end, positive.
         branch: +1 or −1, of two mirrored ones.
@@ -79,9 +78,7 @@ class PathTable:
         stiffness: K^F ``(m, 6, 6)``.
         x: coordinates ``(m, n)``.
         bifurcation: path parameter at which it changes its branch; infinite where it does not.
-        problem: whose equilibria they are.
         stopped: why it ends before its end; empty where it does not.
-        turns: where it changes its branch.
         springs: what a beam's springs do along it, of those that have been asked for.
     """
 
@@ -393,7 +390,6 @@ class Gauge:
     """What one channel reads.
 
     Attributes:
-        channel: its column.
         component: of the displacement, 0 to 5.
         body: part that carries the point; empty for the end-effector.
         at: fraction of the part's elastic length.
@@ -474,12 +470,9 @@ def load_table(
 ) -> LoadedEquilibria:
     """The stable equilibria of a machine along half a ramp of loads.
 
-    Args:
-        machine: under load.
-        half: posture, direction of the load and how far it goes, N or N mm.
-        pulls: what the load does to each part that differs between pull and push.
-        free: components of the end-effector's pose that are free; the others are held.
-        gauges: on the machine.
+    ``half`` has the posture, the load's direction and how far it goes, N or N mm. Components of the end-effector's
+    pose that are not ``free`` are held; ``pulls`` says what the load does to parts that differ between pull and
+    push.
 
     Raises:
         NoConvergenceError: it does not bear the loads.

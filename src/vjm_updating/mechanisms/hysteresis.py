@@ -28,13 +28,9 @@ def friction_torques(
 ) -> Array:
     """Torques ``(n, n_q)`` of the joints' friction on the chain along a history.
 
-    Args:
-        free: joint coordinates ``(n, n_q)`` without friction.
-        give: A ``(n, n_q, n_q)``.
-        limit: μ ``(n_q,)``, or one for all, N mm.
-        begins: ``(n,)`` where a posture begins, and with it the history.
-        rest: joint coordinates ``(n, n_q)`` of the unloaded posture, in which no joint bears a torque.
-        presliding: δ, elastic turn of a joint when it begins to slip, rad.
+    Joint coordinates are ``free`` (n, n_q) without friction, and ``rest`` (n, n_q) in the unloaded posture, where
+    no joint bears a torque. ``give`` is A (n, n_q, n_q), ``limit`` is μ (n_q,) or one for all, N mm, ``presliding``
+    is δ, a joint's elastic turn when it begins to slip, rad. A posture ``begins`` (n,), and with it the history.
     """
     limits = np.maximum(np.broadcast_to(np.asarray(limit, dtype=float), free.shape[1:]), 0.0)
     if not limits.any():
@@ -51,11 +47,7 @@ def friction_torques(
 
 @dataclass(frozen=True)
 class JointFriction(Effect):
-    """Coulomb's law with a torque for every joint, behind a spring; see `vjm_updating.mechanisms.hysteresis`.
-
-    Attributes:
-        joints: how many there are.
-    """
+    """Coulomb's law with a torque for every joint, behind a spring; see `vjm_updating.mechanisms.hysteresis`."""
 
     joints: int = 1
     cause = "joint_friction"

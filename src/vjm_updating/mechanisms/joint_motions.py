@@ -72,12 +72,8 @@ def motions_of_readings(
     The arm of a moment changes by what lies between joint and end-effector under load, and small moments are
     differences of large ones. Behind a bifurcation it is that of the bifurcation.
 
-    Of machines that stand by themselves, what is known to second order besides.
-
-    Args:
-        machine: the nominal one.
-        labels: posture of each reading.
-        rays: posture, direction and measure ``(6,)``, indices of the readings, and their places on the ray.
+    Of machines that stand by themselves, what is known to second order besides. ``rays`` are posture, direction and
+    measure (6,), indices of the readings, and their places on the ray.
     """
     plain = ModifiedChain(machine.nominal, machine.engine)
     if not (plain.nominal.closes or any(joint.held for joint in plain.nominal.moving)):

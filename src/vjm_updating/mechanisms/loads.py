@@ -26,7 +26,6 @@ class Gravity(Effect):
 
     Attributes:
         links: shares of the links' weight by their names, as they have were they of one material.
-        direction: of the weight.
         foot: share of the weight that the foot has if both are of one material; None: it is no beam, and could
             not bend under what it weighs.
     """

@@ -49,12 +49,8 @@ class Moved:
 def moved(model: Mechanism, x: Array, wrench: Array, end: Array, closing: Array) -> Moved:
     """What extensions do to a machine in a state.
 
-    Args:
-        model: of the machine.
-        x: its coordinates ``(n,)``.
-        wrench: ``(6,)`` that holds its end-effector there.
-        end: what each extension does to the end-effector ``(6, k)`` with the loops cut and all else still.
-        closing: the same of what closures and couplings hold ``(f, k)``.
+    ``wrench`` (6,) holds the end-effector at the coordinates ``x`` (n,). With the loops cut and all else still an
+    extension does ``end`` (6, k) to it, and ``closing`` (f, k) to what closures and couplings hold.
 
     Raises:
         numpy.linalg.LinAlgError: the state is singular.
@@ -95,14 +91,12 @@ class ModifiedChain:
     """A chain and what a test meets of it.
 
     Attributes:
-        nominal: the chain as drawn.
         engine: of its lumped model; how many springs.
         factors: of a part's compliance over its nominal value, by part.
         lengthened: mm by beam.
         bow: of beams at mid-span along their section's y and z axes, mm, by part.
         asymmetry: stiffness in pull over that in push, by part.
         weight: mass in kg that is spread over each beam, by part.
-        gravity: direction of the weight.
         changed: what tells the nominal chain from others that were built from one: a calibration's unknowns.
     """
 
@@ -354,12 +348,8 @@ def bowed(model: Mechanism, posture: str, bow: tuple[tuple[str, float, float], .
     """Coordinates ``(n,)`` of a machine whose beams are half sine waves when unloaded, its ends where they were.
 
     ``v = a sin(πs/L)`` has the curvature ``−a (π/L)² sin(πs/L)``, which the springs have as turns; the passive
-    joints turn with the ends' slopes and keep the end-effector in place as well as they can.
-
-    Args:
-        model: with the beams in several springs.
-        posture: label.
-        bow: mid-span amplitudes along the section's y and z, mm, by part.
+    joints turn with the ends' slopes and keep the end-effector in place as well as they can. ``bow`` has mid-span
+    amplitudes along the section's y and z, mm, by part.
 
     Raises:
         ValueError: a beam is one spring, which has no shape.

@@ -51,7 +51,6 @@ class Relaxation:
     """What of a beam relaxes.
 
     Attributes:
-        part: name of the beam.
         shares: of its stiffness ``(k,)``, together below one.
         times: of their relaxation ``(k,)``, s.
     """
@@ -74,13 +73,7 @@ class Relaxation:
 
 
 def relaxing(rays: Sequence[OnRay], history: History, relaxation: Relaxation) -> Callable[[Array], Array]:
-    """What relaxation adds to the wrenches ``(n, 6)`` at displacements of the chain ``(n, 6)``, in their order.
-
-    Args:
-        rays: of the readings.
-        history: of the readings.
-        relaxation: of one beam.
-    """
+    """What relaxation adds to the wrenches ``(n, 6)`` at displacements of the chain ``(n, 6)``, in their order."""
     n = len(history.time)
     paths: list[HalfRayPath] = []
     both, measures, alpha = np.zeros((n, 2), dtype=np.int64), np.empty((n, 6)), np.empty(n)

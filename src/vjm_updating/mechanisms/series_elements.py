@@ -141,7 +141,6 @@ class AtJoint(ElementSite):
     the moment of the end-effector's wrench about the axis over the lever, so that laws are in mm and N.
 
     Attributes:
-        joint: its name.
         lever: mm; 1 for one that slides.
     """
 
@@ -210,8 +209,6 @@ class SeriesElement:
     """A law in its place.
 
     Attributes:
-        place: where it sits.
-        law: what it does.
         most: bound of its extension, for laws that end; infinite for others.
         smooth: whether Newton's method needs no bracket, which the past of a law that forgets slowly would spoil.
     """
@@ -260,12 +257,8 @@ def balance(
     """The equilibrium of a chain with elements at imposed displacements, in their order.
 
     Newton's method on the extensions of all readings at once, each bracketed by what it has been tried with.
-
-    Args:
-        look: wrenches ``(n, 6)`` and stiffnesses ``(n, 6, 6)`` of the chain at displacements ``(n, 6)``.
-        pose: imposed displacements ``(n, 6)``.
-        elements: in series with the chain.
-        history: of the readings.
+    ``look`` gives wrenches (n, 6) and stiffnesses (n, 6, 6) of the chain at displacements (n, 6), as ``pose``
+    imposes them.
 
     Raises:
         NoConvergenceError: none was found.
@@ -326,11 +319,7 @@ def memoryless(function: Callable[[Array], tuple[Array, Array]]) -> Law:
 def retarded(compliance: float, seconds: float) -> Law:
     """What follows a force with a delay: ``ẋ = (c N − x)/τ``, the force linear between readings.
 
-    The Kelvin–Voigt element of a standard linear solid.
-
-    Args:
-        compliance: c, in the end.
-        seconds: τ.
+    The Kelvin–Voigt element of a standard linear solid. In the end it has the ``compliance`` c; τ is ``seconds``.
     """
 
     def law(force: Array, history: History) -> tuple[Array, Array]:
@@ -355,10 +344,8 @@ def retarded(compliance: float, seconds: float) -> Law:
 def yielding(limit: float, compliance: float, grows: float = 0.0) -> Law:
     """Plastic slip with linear hardening: it flows while the force is outside its elastic range.
 
-    Args:
-        limit: yield force, N.
-        compliance: plastic extension by the force beyond it, mm/N.
-        grows: share of the hardening that widens the range, which is then isotropic; the rest moves it (kinematic).
+    ``limit`` is the yield force, N, ``compliance`` the plastic extension by the force beyond it, mm/N. Of the
+    hardening a share ``grows`` widens the range, which is then isotropic; the rest moves it (kinematic).
     """
 
     def law(force: Array, history: History) -> tuple[Array, Array]:
