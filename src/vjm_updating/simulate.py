@@ -15,7 +15,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import scipy.constants
 from scipy.interpolate import CubicHermiteSpline
 
 from vjm import __version__
@@ -27,7 +26,7 @@ from vjm.io.errors import did_you_mean
 from vjm.io.files import check_writable, write_whole
 from vjm.model.load_case import COMPONENTS, Direction, LoadCase, ramp_end
 from vjm.model.machine import Machine
-from vjm.model.parts import Part, Section
+from vjm.model.parts import Part
 from vjm.outcome import Outcome
 from vjm.rotations import Array, rotation_from_vector
 from vjm_output.documents import Row, as_json
@@ -36,7 +35,7 @@ from vjm_updating.data_set import DataSet, load_data
 from vjm_updating.diagnosis.experiment import SHORT_OF, left_over, out_and_back
 from vjm_updating.diagnosis.kinds import kind_of
 from vjm_updating.diagnosis.ramp_kind import RampTest
-from vjm_updating.experiment import Readings, read_sheet
+from vjm_updating.experiment import Kind, Readings, read_sheet
 from vjm_updating.experiment.data_file import POSE, POSTURE, RUN, TEMPERATURE, TIME, WRENCH, SheetError, split_point
 from vjm_updating.experiment.measurement import planned_measurement
 from vjm_updating.experiment.sheet import Sheet
@@ -49,7 +48,7 @@ from vjm_updating.mechanisms.catalogue import plug_in
 from vjm_updating.mechanisms.drives import ActuatorCompliance
 from vjm_updating.mechanisms.effect import Effect, Quantity
 from vjm_updating.mechanisms.loads import Gravity, LoadMisalignment
-from vjm_updating.mechanisms.modified_chain import standing_free
+from vjm_updating.mechanisms.modified_chain import ModifiedChain, standing_free
 from vjm_updating.mechanisms.structure import BaseCompliance, LinkBow
 
 Hidden = tuple[Effect, list[float]]
@@ -151,20 +150,6 @@ STEPS = numerical(40)
 """Points of a path between which readings are interpolated, by cubics through values and slopes."""
 
 
-def refuse_what_beams_cannot_carry(hidden: Sequence[Hidden], engine: str) -> None:
-    """Refuse effects that finite elements of beams do not have.
-
-    Raises:
-        ValueError: there is one; one line with those that they have.
-    """
-    for effect, _ in hidden:
-        if effect.cause not in CARRIED:
-            raise ValueError(
-                f"--hide {effect.label}: the beams of --engine {engine} cannot carry it; they carry "
-                f"{', '.join(sorted(CARRIED))}. Leave --engine out for the lumped model, which carries all"
-            )
-
-
 @dataclass(frozen=True)
 class BeamMachine:
     """A machine of beams in a test.
@@ -194,18 +179,23 @@ class BeamMachine:
         """
         errors = InstrumentErrors.of(off)
         place = errors.true_displacement(self.pose)
-        chain, gravity = _with_off(self.chain, off), None
+        machine = ModifiedChain(self.chain, VjmEngine())
+        for (kind, name), value in off.items():
+            if kind == Kind.LENGTH:
+                machine = machine.longer(name, value)
+            elif kind == Kind.MODULUS:
+                machine = machine.times(name, 1.0 / (1.0 + value))
         bows: dict[str, Sequence[float]] = {}
         for effect, values in self.hidden:
             if isinstance(effect, LoadMisalignment):
-                place = _turned(effect, place, values)
+                place = effect.imposed(place, values)
             elif isinstance(effect, LinkBow):
                 bows[effect.beam] = values
             elif isinstance(effect, Gravity):
-                chain = _weighing(chain, effect, values)
-                x, y, z = (scipy.constants.g * v for v in effect.direction)
-                gravity = (x, y, z)
-            elif isinstance(effect, ActuatorCompliance | BaseCompliance):
+                machine = effect.machine(machine, values)
+        chain = machine.chain()
+        for effect, values in self.hidden:
+            if isinstance(effect, ActuatorCompliance | BaseCompliance):
                 chain = effect.built(chain, values)
         if bows:
             chain = _in_pieces(chain, bows)
@@ -216,7 +206,7 @@ class BeamMachine:
             own = np.flatnonzero(self.run == run)
             posture = str(self.posture[own[0]])
             stands = _settled(chain, posture) if lengthened else chain
-            wrench[own] = _along(engine, stands, posture, place[own], gravity)
+            wrench[own] = _along(engine, stands, posture, place[own], machine.weighing)
         return errors.reading(wrench)
 
 
@@ -229,26 +219,6 @@ def _replaced(chain: Machine, name: str, parts: Sequence[Part]) -> Machine:
     return replace(chain, parts=tuple(kept))
 
 
-def _stiffer(section: Section, factor: float) -> Section:
-    names = ("EA", "GJ", "EIy", "EIz", "GAy", "GAz")
-    return replace(section, **{name: factor * getattr(section, name) for name in names})
-
-
-def _with_off(chain: Machine, off: Mapping[tuple[str, str], float]) -> Machine:
-    """With other moduli and lengths."""
-    for (kind, name), value in off.items():
-        beam = next((beam for beam in chain.beams if beam.name == name), None)
-        if beam is None or not value:
-            continue
-        if kind == "length":
-            chain = _replaced(chain, name, [replace(beam, length=beam.length + value)])
-        elif kind == "modulus":
-            section = None if beam.section is None else _stiffer(beam.section, 1.0 + value)
-            compliance = None if beam.compliance is None else beam.compliance / (1.0 + value)
-            chain = _replaced(chain, name, [replace(beam, section=section, compliance=compliance)])
-    return chain
-
-
 def _settled(chain: Machine, posture: str) -> Machine:
     """The chain in one posture, its loops with other lengths than drawn: gauges are zeroed where it stands free.
 
@@ -259,17 +229,6 @@ def _settled(chain: Machine, posture: str) -> Machine:
     """
     alone = replace(chain, postures={posture: chain.posture(posture)}, held={posture: chain.held[posture]})
     return standing_free(alone, VjmEngine(ELEMENTS))
-
-
-def _weighing(chain: Machine, effect: Gravity, values: Sequence[float]) -> Machine:
-    share = values[1] if effect.foot is not None else 0.0
-    links = ((name, values[0] * (1.0 - share) * own) for name, own in effect.links)
-    for name, mass in (("foot", values[0] * share), *links):
-        beam = next((beam for beam in chain.beams if beam.name == name), None)
-        if beam is not None and beam.section is not None and mass:
-            section = replace(beam.section, mass=mass / beam.length / beam.count)
-            chain = _replaced(chain, name, [replace(beam, section=section)])
-    return chain
 
 
 def _in_pieces(chain: Machine, bows: Mapping[str, Sequence[float]]) -> Machine:
@@ -307,13 +266,6 @@ def _in_pieces(chain: Machine, bows: Mapping[str, Sequence[float]]) -> Machine:
 # --- the readings along paths -----------------------------------------------------------------------------
 
 
-def _turned(effect: LoadMisalignment, place: Array, values: Sequence[float]) -> Array:
-    """Displacements ``(n, 6)`` by a device that points a little elsewhere."""
-    across = values[0] * np.array(effect.first) + values[1] * np.array(effect.second)
-    R = rotation_from_vector(np.cross(np.array(effect.axis), across))
-    return np.concatenate([place[:, :3] @ R.T, place[:, 3:]], axis=1)
-
-
 def _along(
     engine: Engine, chain: Machine, posture: str, place: Array, gravity: tuple[float, float, float] | None
 ) -> Array:
@@ -329,8 +281,7 @@ def _along(
         raise NoConvergenceError(f"posture {posture}: {path.stopped}")
     s = np.clip(place @ direction, 0.0, reach)
     wrench, K = _interpolated(path, s, direction)
-    result: Array = wrench + np.einsum("kij,kj->ki", K, place - np.outer(s, direction))
-    return result
+    return wrench + np.einsum("kij,kj->ki", K, place - np.outer(s, direction))
 
 
 def _interpolated(path: EquilibriumPath, positions: Array, direction: Array) -> tuple[Array, Array]:
@@ -449,9 +400,6 @@ def planned_readings(sheet: Sheet, ramps: Sequence[PlannedRamp]) -> Readings:
         labels += [ramp.posture] * len(way)
         numbers += [number] * len(way)
     return Readings("simulated.csv", np.arange(2, n + 2), np.array(labels), np.array(numbers), values)
-
-
-# ------------------------------------------------------------------------------------------------------------------
 
 
 DATA, SHEET, TRUTH = "readings.csv", "sheet.toml", "truth.json"
@@ -625,8 +573,12 @@ def simulated(
     # effects know the test by its forces
     scene = replace(observed, wrench=np.where(observed.present, nominal.wrench(rest), np.nan))
     hidden = parsed_effects(hide, kind.effects(scene, more))
-    if engine:
-        refuse_what_beams_cannot_carry(hidden, engine)
+    for effect, _ in hidden if engine else ():
+        if effect.cause not in CARRIED:
+            raise ValueError(
+                f"--hide {effect.label}: the beams of --engine {engine} cannot carry it; they carry "
+                f"{', '.join(sorted(CARRIED))}. Leave --engine out for the lumped model, which carries all"
+            )
     machine = replace(nominal, effects=tuple(e for e, _ in hidden), values=[v for _, v in hidden], engine=engine)
     strength, largest, left, channel = _strength(nominal, machine)
     rng = np.random.default_rng(seed)

@@ -247,15 +247,9 @@ def column_effects(observed: Observed) -> list[Effect]:
     return effects
 
 
-def _part_table(measurement: Measurement) -> dict[str, object]:
-    link = link_of(measurement.chain)
-    table: dict[str, object] = next(part for part in measurement.document["parts"] if part.get("name") == link)
-    return table
-
-
 def _shape(measurement: Measurement) -> Shape | None:
     """The link's shape, where it is known; it bends about its section's z axis."""
-    return shape_of(_part_table(measurement))
+    return shape_of(part_table(measurement.document, link_of(measurement.chain)))
 
 
 class ColumnForward(PlainForward):
@@ -282,7 +276,8 @@ class ColumnForward(PlainForward):
 
     def yield_unknown(self) -> str:
         """Why there is no first yield."""
-        fibre = fibre_of(_part_table(self.observed.measurement))
+        measurement = self.observed.measurement
+        fibre = fibre_of(part_table(measurement.document, link_of(measurement.chain)))
         return fibre if isinstance(fibre, str) else "not on the way to the last reading"
 
     def first_yield(

@@ -148,8 +148,7 @@ class Marginalised(Projection):
     def rest(self, columns: Array) -> Array:
         """Columns ``(N, k)`` without what the fit can absorb, in units of noise and discrepancy together."""
         free = super().rest(columns)
-        result: Array = free - self.directions @ ((1.0 - self.left)[:, None] * (self.directions.T @ free))
-        return result
+        return free - self.directions @ ((1.0 - self.left)[:, None] * (self.directions.T @ free))
 
     @property
     def off_sheet(self) -> Array:
@@ -312,10 +311,8 @@ def _blocks(fitter: Fitter, space: Projection, shapes: Array, names: Sequence[st
 def _too_large(space: Projection, present: np.ndarray) -> tuple[float, float]:
     """Chance of a residual as large as it is, in all channels or one, beyond what an unsure sheet explains.
 
-    One channel that oscillates, say, is lost among five that are right.
-
-    Returns:
-        The chance, and by how much the squares are too large where they are most.
+    One channel that oscillates, say, is lost among five that are right. By how much the squares are too large,
+    where they are most, is the second number.
     """
     channel = np.nonzero(present)[1]
     squares = space.residual[: space.rows] ** 2

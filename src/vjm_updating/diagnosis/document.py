@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from itertools import combinations
 from math import inf
-from typing import Literal, TypeVar, assert_never
+from typing import Literal, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field
 
@@ -236,15 +236,10 @@ def words(findings: FindingsRow) -> list[str]:
 def _line(row: CauseRow) -> str:
     where = ", ".join(f"{place.place} {place.probability:.2f}" for place in row.places)
     share = "" if row.share is None else f", {row.share:.0%} of what the nominal model misses"
-    match row.word:
-        case Word.ACTS:
-            said = f"{row.cause} acts ({row.probability:.2f}{share})"
-        case Word.ONE_OF:
-            said = f"  {row.cause} ({row.probability:.2f}{share})"
-        case Word.MAY:
-            said = f"{row.cause} may act ({row.probability:.2f}{share})"
-        case _:
-            assert_never(row.word)
+    verb = {Word.ACTS: f"{row.cause} acts", Word.ONE_OF: f"  {row.cause}", Word.MAY: f"{row.cause} may act"}[
+        row.word
+    ]
+    said = f"{verb} ({row.probability:.2f}{share})"
     if len(row.places) > 1 or where.partition(" ")[0] not in ("", row.cause):
         said += f": {where}"
     return f"{said}; the law of {row.within_law_of} may be wrong by as much" if row.within_law_of else said
@@ -285,17 +280,12 @@ class ValueRow(Row):
     @property
     def words(self) -> str:
         """Value and standard deviation, or what is told in their place."""
-        match self.limits:
-            case "both":
-                return f"{self.value:.5g} ± {self.std:.2g}"
-            case "upper":
-                return f"below {self.high:.3g}"
-            case "lower":
-                return f"above {self.low:.3g}"
-            case "none":
-                return "not told by these readings"
-            case _:
-                assert_never(self.limits)
+        return {
+            "both": f"{self.value:.5g} ± {self.std:.2g}",
+            "upper": f"below {self.high:.3g}",
+            "lower": f"above {self.low:.3g}",
+            "none": "not told by these readings",
+        }[self.limits]
 
 
 class CriticalForceRow(Row):

@@ -124,20 +124,15 @@ def size_covariance(A: Array, fit: Fit, number: int) -> Array:
     indices, shape = own[: fit.hypothesis[number].extent], own[fit.hypothesis[number].extent :]
     free = uncertain(fit.found)
     free[[i for i in shape if np.isfinite(fit.found[i].sigma)]] = False
-    result: Array = inverse(A, free)[np.ix_(indices, indices)]
-    return result
-
-
-def would_not_show(effect: Effect, covariance: Array) -> bool:
-    """Whether the usual size of an effect, where there is one, lies within what is not known of it ``(k, k)``."""
-    usual = effect.quantities()[0]
-    return usual.log and NORMAL_95 * float(covariance[0, 0]) ** 0.5 > usual.spread
+    return inverse(A, free)[np.ix_(indices, indices)]
 
 
 def _is_nothing(effect: Effect, z: Array, covariance: Array) -> bool:
     """Whether an effect's size, coordinates ``(k,)``, may as well be none, and would show if it were usual."""
     sizes = effect.quantities()[: effect.extent]
-    if any(q.neutral is None or (q.log and q.neutral <= 0.0) for q in sizes) or would_not_show(effect, covariance):
+    # whether the usual size, where there is one, lies within what is not known of it
+    hidden = sizes[0].log and NORMAL_95 * float(covariance[0, 0]) ** 0.5 > sizes[0].spread
+    if hidden or any(q.neutral is None or (q.log and q.neutral <= 0.0) for q in sizes):
         return False
     off = z - np.array([q.coordinate(q.neutral or 0.0) for q in sizes])
     return float(off @ np.linalg.pinv(covariance, hermitian=True) @ off) < NORMAL_95**2
@@ -217,8 +212,7 @@ class Cone:
         if self.edges.shape[1] == 1:
             return np.array([0.5, 0.5])
         noise = np.random.default_rng(SEED).standard_normal((self.dimension, DRAWS))
-        result: Array = np.bincount(self._projected(noise)[1], minlength=self.dimension + 1) / DRAWS
-        return result
+        return np.bincount(self._projected(noise)[1], minlength=self.dimension + 1) / DRAWS
 
     @cached_property
     def _faces(self) -> list[tuple[Array, Array]]:
@@ -472,8 +466,7 @@ def _normal(covariance: Array) -> Array:
     """Errors ``(DRAWS, k)`` of a covariance ``(k, k)``, always the same ones, spread evenly."""
     sizes, axes = np.linalg.eigh(covariance)
     even = latin_hypercube(ESTIMATE_DRAWS, len(covariance), 0)
-    result: Array = normal_quantile(even) * np.sqrt(np.maximum(sizes, 0.0)) @ axes.T
-    return result
+    return normal_quantile(even) * np.sqrt(np.maximum(sizes, 0.0)) @ axes.T
 
 
 def _with(fit: Fit, own: Sequence[int], z: Array, index: int, force: float) -> dict[str, float]:
@@ -506,8 +499,7 @@ def _beyond_bounds(fitter: Fitter, fit: Fit) -> Array:
     """How far ``(n_z,)`` the coordinates would go if those that press against bounds had none."""
     pressure = fitter.pressure(fit)
     low = np.array([c.low for c in fit.found])
-    result: Array = _inverse(fitter, fit) @ np.where(fit.at.z <= low, -pressure, pressure)
-    return result
+    return _inverse(fitter, fit) @ np.where(fit.at.z <= low, -pressure, pressure)
 
 
 def _inverse(fitter: Fitter, fit: Fit) -> Array:
@@ -519,8 +511,7 @@ def covariance_of(fitter: Fitter, fit: Fit) -> Array:
     covariance = _inverse(fitter, fit)
     rows = int(fitter.whitening.present.sum())
     inflation = max(1.0, fitter.squares(fit.found, fit.at) / max(rows - fit.free, 1))
-    result: Array = covariance * inflation
-    return result
+    return covariance * inflation
 
 
 def nuisance_estimates(fitter: Fitter, fit: Fit) -> dict[str, ValueRow]:

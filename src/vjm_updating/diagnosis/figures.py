@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import assert_never
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -20,7 +19,7 @@ from vjm_updating.inference.fitting import Fit
 from vjm_updating.inference.model_error import driven_channel, loading
 from vjm_updating.inference.observed import Observed
 
-ACTS, ONE_OF, MAY, LEFT = "#0072B2", "#56B4E9", "#b0b0b0", "#D55E00"
+COLOURS, LEFT = {Word.ACTS: "#0072B2", Word.ONE_OF: "#56B4E9", Word.MAY: "#b0b0b0"}, "#D55E00"
 HEADLINES = {
     "none": "The model explains the readings within the noise and the tolerances of the sheet.",
     "named": "What the model gets wrong is named.",
@@ -40,7 +39,7 @@ def bars(ax: Axes, findings: FindingsRow) -> None:
     for row in findings.causes:
         names.append(row.cause.replace("_", " "))
         lengths.append(row.probability)
-        colours.append(_colour(row.word))
+        colours.append(COLOURS[row.word])
         share = "" if row.share is None else f", explains {row.share:.0%}"
         notes.append(f"{row.word}{share}")
     for name, p in (("nothing acts", findings.nothing), ("something unknown", findings.unknown)):
@@ -58,18 +57,6 @@ def bars(ax: Axes, findings: FindingsRow) -> None:
     ax.set_xlim(0.0, 1.6)
     ax.set_xticks([0.0, 0.25, 0.5, 0.75, 1.0])
     ax.set_xlabel("probability that it acts")
-
-
-def _colour(word: Word) -> str:
-    match word:
-        case Word.ACTS:
-            return ACTS
-        case Word.ONE_OF:
-            return ONE_OF
-        case Word.MAY:
-            return MAY
-        case _:
-            assert_never(word)
 
 
 def picture(findings: FindingsRow) -> Picture:

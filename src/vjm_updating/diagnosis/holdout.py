@@ -7,7 +7,7 @@ where the fit to all readings ended.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -20,7 +20,7 @@ from vjm_updating.inference.bounded_normal import inverse
 from vjm_updating.inference.fitting import Fit, Fitter, best_fit
 from vjm_updating.inference.model_error import driven_place
 from vjm_updating.inference.observed import Observed
-from vjm_updating.inference.parameters import Evaluation, uncertain
+from vjm_updating.inference.parameters import uncertain
 
 THIRD = numerical(3)
 """Every so many marks one is held out, in turn."""
@@ -88,26 +88,10 @@ def hold_out(fitter: Fitter, null: Fit, split: Split) -> HoldOut:
     return gained
 
 
-def refitted_without(fitter: Fitter, fit: Fit, own: np.ndarray) -> Evaluation | None:
-    """All readings under a refit in full that has not seen those of ``own`` (n,); None where the machine fails.
-
-    It begins with the fit's slopes by the machine's nuisances, which are made anew where they lead astray.
-    """
-    less, near = _without(fitter, own), fitter.machine_slopes(fit)
-    refitted = best_fit(less, fit.hypothesis, fit.at.z[: len(fitter.nuisances)], fit.values, borrowed=near)
-    return None if refitted is None else fitter.evaluate(refitted.found, refitted.at.z, fit.hypothesis)
-
-
 def _without(fitter: Fitter, own: np.ndarray) -> Fitter:
     observed = fitter.forward.observed
     kept = observed.without(observed.present & own[:, None])
     return Fitter(fitter.forward.reading(kept), fitter.nuisances, fitter.whitening.reading(kept))
-
-
-def _as_drawn(fitter: Fitter, fit: Fit) -> Array:
-    """Residual ``(n, 6)`` of the machine as drawn."""
-    evaluation = fitter.evaluate(fitter.nuisances, np.zeros(len(fitter.nuisances)), ())
-    return fit.at.residual if evaluation is None else evaluation.residual
 
 
 def held_out_residual(fitter: Fitter, fit: Fit, split: Split, otherwise: Array | None = None) -> Array:
@@ -115,9 +99,16 @@ def held_out_residual(fitter: Fitter, fit: Fit, split: Split, otherwise: Array |
 
     Where a refit finds no machine that stands, ``otherwise`` (n, 6) counts, by default the nominal one's.
     """
-    result = (_as_drawn(fitter, fit) if otherwise is None else otherwise).copy()
+    m = len(fitter.nuisances)
+    if otherwise is None:
+        drawn = fitter.evaluate(fitter.nuisances, np.zeros(m), ())
+        otherwise = fit.at.residual if drawn is None else drawn.residual
+    result = otherwise.copy()
     for own in split.parts():
-        evaluation = refitted_without(fitter, fit, own)
+        # begun with the fit's slopes by the machine's nuisances, which are made anew where they lead astray
+        less, near = _without(fitter, own), fitter.machine_slopes(fit)
+        refitted = best_fit(less, fit.hypothesis, fit.at.z[:m], fit.values, borrowed=near)
+        evaluation = None if refitted is None else fitter.evaluate(refitted.found, refitted.at.z, fit.hypothesis)
         if evaluation is not None:
             result[own] = evaluation.residual[own]
     return np.where(fitter.whitening.present, result, 0.0)
@@ -199,8 +190,4 @@ def _name(observed: Observed, split: Split, part: np.ndarray) -> str:
         return "compression" if observed.pose[first, 0] < 0.0 else "tension"
     if split.name == "cycles":
         return f"cycle {observed.readings.run[first]}"
-    return "marks " + _some([int(k) + 1 for k in own])
-
-
-def _some(numbers: Sequence[int]) -> str:
-    return ", ".join(str(n) for n in numbers[:3]) + (", …" if len(numbers) > 3 else "")
+    return "marks " + ", ".join(str(int(k) + 1) for k in own[:3]) + (", …" if len(own) > 3 else "")

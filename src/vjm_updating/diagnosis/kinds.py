@@ -52,34 +52,6 @@ from vjm_updating.mechanisms.loads import Gravity
 # causes leave would else count as noise, and hide the next one.
 
 
-def completed(search: Search, best: Ranked) -> Ranked:
-    """The best hypothesis of a search with further causes, as long as each pays with the noise that it leaves.
-
-    Those that then are as likely are refitted with that noise and make the search's hypotheses.
-    """
-    if not best.labels:
-        return best
-    fitter = search.fitter
-    while True:
-        for effect in search.effects:
-            if effect.label not in best.labels:
-                _with(search, best, effect)
-        more = [r for labels, r in search.tried.items() if labels > best.labels]
-        top = min(more, key=lambda r: _worth(search, r), default=best)
-        if _worth(search, top) >= _worth(search, best):
-            break
-        best = top
-    near = [r for r in search.tried.values() if r.labels and _worth(search, r) < _worth(search, best) + RIVAL]
-    fitter.forward.observed = with_noise_found(fitter.forward.observed, best.fit)
-    fitter.weigh(best.fit.at)
-    m = len(fitter.nuisances)
-    search.null = best_fit(fitter, (), search.null.at.z[:m], []) or search.null
-    again = [best_fit(fitter, r.fit.hypothesis, r.fit.at.z[:m], r.fit.values) for r in near]
-    hypotheses = [search.ranked(fit) for fit in (search.null, *again) if fit is not None]
-    search.tried = {r.labels: r for r in hypotheses}
-    return min((r for r in hypotheses if r.labels), key=lambda r: r.criterion)
-
-
 def _with(search: Search, base: Ranked, effect: Effect) -> None:
     """Fit a hypothesis with one cause more."""
     fitter, fit = search.fitter, base.fit
@@ -104,9 +76,6 @@ def _worth(search: Search, ranked: Ranked) -> float:
     return likelihood + float(off @ off) + ranked.criterion - fit.objective
 
 
-# ------------------------------------------------------------------------------------------------------------------
-
-
 # --- What to do next with a column: the direct measurement that distinguishes explanations, and what it would show
 
 
@@ -123,54 +92,43 @@ def direct(
     e, channel = values[name], name.partition(".")[2]
     known, tolerance, cell = measurement.sheet.sigma, measurement.sheet.tolerance, channel == WRENCH[0]
     size = abs(e.value)
-    if cause == "instrument_zero":
-        what = "load cell" if cell else "ruler"
-        return ExperimentRow(
-            path=f"take the column out of the rig and read the {what}",
-            why=f"an error of zero of the {what} would show as {e.value:.3g} there, against the sheet's "
-            f"±{known(channel).zero:.3g}; a column that is stiffer or longer would not",
-            posture=posture,
-            difference=size,
-            channel=channel,
-            strength=_over(size, known(channel).zero),
-        )
-    if cause == "instrument_scale":
-        return ExperimentRow(
-            path=f"load the cell with a known weight of some {load:.3g} N"
-            if cell
-            else "lay a second ruler beside the first",
-            why=f"an error of its scale would show as {size * load:.3g} N; a column that is stiffer or longer "
-            "would not"
-            if cell
-            else f"it would be off by {100.0 * e.value:.2g} %",
-            posture=posture,
-            difference=size * load if cell else None,
-            channel=channel,
-            strength=_over(size, known(channel).scale),
-        )
-    if cause == "link_compliance":
-        return ExperimentRow(
-            path="lay the column on two supports and bend it by a known weight at its middle",
-            why=f"it would deflect by {100.0 * abs(1.0 - e.value):.2g} % {'less' if e.value < 1.0 else 'more'} "
-            "than the model says; errors of zero and scale of the rig do not change it",
-            posture=posture,
-            strength=_over(abs(1.0 / e.value - 1.0), tolerance.modulus_rel),
-        )
-    if cause == "link_length":
-        return ExperimentRow(
-            path="measure the distance between the knife edges with calipers",
-            why=f"it would be off by {e.value:.3g} mm",
-            posture=posture,
-            strength=_over(size, tolerance.link_length_mm),
-        )
-    return None
-
-
-def _over(difference: float, sigma: float) -> float | None:
-    return difference / sigma if sigma > 0.0 else None
-
-
-# ------------------------------------------------------------------------------------------------------------------
+    shown: float | None = None
+    match cause:
+        case "instrument_zero":
+            what = "load cell" if cell else "ruler"
+            path = f"take the column out of the rig and read the {what}"
+            why = (
+                f"an error of zero of the {what} would show as {e.value:.3g} there, against the sheet's "
+                f"±{known(channel).zero:.3g}; a column that is stiffer or longer would not"
+            )
+            shown, off, sigma = size, size, known(channel).zero
+        case "instrument_scale" if cell:
+            path, shown = f"load the cell with a known weight of some {load:.3g} N", size * load
+            why = (
+                f"an error of its scale would show as {size * load:.3g} N; a column that is stiffer or longer "
+                "would not"
+            )
+            off, sigma = size, known(channel).scale
+        case "instrument_scale":
+            path, why = "lay a second ruler beside the first", f"it would be off by {100.0 * e.value:.2g} %"
+            off, sigma = size, known(channel).scale
+        case "link_compliance":
+            path = "lay the column on two supports and bend it by a known weight at its middle"
+            why = (
+                f"it would deflect by {100.0 * abs(1.0 - e.value):.2g} % {'less' if e.value < 1.0 else 'more'} "
+                "than the model says; errors of zero and scale of the rig do not change it"
+            )
+            off, sigma = abs(1.0 / e.value - 1.0), tolerance.modulus_rel
+        case "link_length":
+            path = "measure the distance between the knife edges with calipers"
+            why = f"it would be off by {e.value:.3g} mm"
+            off, sigma = size, tolerance.link_length_mm
+        case _:
+            return None
+    return ExperimentRow(
+        path=path, why=why, posture=posture, difference=shown,
+        channel=channel if cause.startswith("instrument") else "", strength=off / sigma if sigma > 0.0 else None,
+    )  # fmt: skip
 
 
 FIRST_YIELD, DEPARTS = "plasticity.yield_N", "plasticity.departs_mm"
@@ -214,8 +172,31 @@ class ColumnTest(RampTest):
         return with_noise_found(everything, best)
 
     def completed(self, search: Search, best: Ranked) -> Ranked:
-        """With further causes as long as each pays; see `vjm_updating.diagnosis.kinds`."""
-        return completed(search, best)
+        """With further causes, as long as each pays with the noise that it leaves.
+
+        Those that then are as likely are refitted with that noise and make the search's hypotheses.
+        """
+        if not best.labels:
+            return best
+        fitter = search.fitter
+        while True:
+            for effect in search.effects:
+                if effect.label not in best.labels:
+                    _with(search, best, effect)
+            more = [r for labels, r in search.tried.items() if labels > best.labels]
+            top = min(more, key=lambda r: _worth(search, r), default=best)
+            if _worth(search, top) >= _worth(search, best):
+                break
+            best = top
+        near = [r for r in search.tried.values() if r.labels and _worth(search, r) < _worth(search, best) + RIVAL]
+        fitter.forward.observed = with_noise_found(fitter.forward.observed, best.fit)
+        fitter.weigh(best.fit.at)
+        m = len(fitter.nuisances)
+        search.null = best_fit(fitter, (), search.null.at.z[:m], []) or search.null
+        again = [best_fit(fitter, r.fit.hypothesis, r.fit.at.z[:m], r.fit.values) for r in near]
+        hypotheses = [search.ranked(fit) for fit in (search.null, *again) if fit is not None]
+        search.tried = {r.labels: r for r in hypotheses}
+        return min((r for r in hypotheses if r.labels), key=lambda r: r.criterion)
 
     def hold_out(self, fitter: Fitter, null: Fit) -> HoldOut:
         """Every third mark in turn."""
@@ -460,8 +441,37 @@ class LoadTest(RampTest):
         return LoadForward(observed)
 
     def effects(self, observed: Observed, more: Sequence[Maker] = ()) -> list[Effect]:
-        """Those of a machine under loads, and the instruments'."""
-        return load_effects(observed, more)
+        """Those of a machine under loads, and the instruments'.
+
+        Friction in passive joints is not asked: its law is that of an imposed displacement. The machine's own
+        weight is where the whole pose was read, which counts from the unloaded one; gauges are set when it has
+        acted.
+        """
+        size = {"N": np.abs(observed.pose[:, :3]).max(), "Nmm": np.abs(observed.pose[:, 3:]).max()}
+        for unit in ("mm", "rad"):
+            own = [c for c, name in enumerate(observed.columns) if unit_of(name) == unit]
+            size[unit] = np.nanmax(np.abs(observed.wrench[:, own]), initial=0.0)
+        length = observed.measurement.chain.characteristic_length
+        # where only moments act, their force at the longest part's end
+        force = max(float(size["N"]), float(size["Nmm"]) / length, 1.0)
+        scene = replace(
+            scene_of(observed, force, max(float(size["mm"]), float(size["rad"]) * length)),
+            loaded=True,
+            gauged=any(gauge.body for gauge in gauges_of(observed.measurement)),
+        )
+        largest = {
+            "N": scene.force,
+            "Nmm": max(float(size["Nmm"]), LEVER * scene.force),
+            "mm": scene.reach,
+            "rad": float(size["rad"]) or float("inf"),
+        }
+        weighs = observed.measurement.wholly_read and not scene.gauged
+        effects = [
+            effect
+            for effect in catalogue(scene, more)
+            if type(effect).friction is Effect.friction and (weighs or not isinstance(effect, Gravity))
+        ]
+        return [*effects, *instrument_effects(observed, scene.duration, largest)]
 
     def critical_points(self, fitter: Fitter, null: Fit, fit: Fit) -> list[CriticalPointRow]:
         """None: nothing was loaded beyond its stability."""
@@ -475,40 +485,6 @@ class LoadTest(RampTest):
             posture=str(observed.readings.posture[0]),
             path="the same loads with gauges at points between support and load, or on rotations; or another load",
         )
-
-
-def load_effects(observed: Observed, more: Sequence[Maker] = ()) -> list[Effect]:
-    """The catalogue of a test by force.
-
-    Friction in passive joints is not asked: its law is that of an imposed displacement. The machine's own weight is
-    where the whole pose was read, which counts from the unloaded one; gauges are set when it has acted.
-    """
-    size = {"N": np.abs(observed.pose[:, :3]).max(), "Nmm": np.abs(observed.pose[:, 3:]).max()}
-    for unit in ("mm", "rad"):
-        own = [c for c, name in enumerate(observed.columns) if unit_of(name) == unit]
-        size[unit] = np.nanmax(np.abs(observed.wrench[:, own]), initial=0.0)
-    length = observed.measurement.chain.characteristic_length
-    # where only moments act, their force at the longest part's end
-    force = max(float(size["N"]), float(size["Nmm"]) / length, 1.0)
-    scene = replace(
-        scene_of(observed, force, max(float(size["mm"]), float(size["rad"]) * length)),
-        loaded=True,
-        gauged=any(gauge.body for gauge in gauges_of(observed.measurement)),
-    )
-    largest = {
-        "N": scene.force,
-        "Nmm": max(float(size["Nmm"]), LEVER * scene.force),
-        "mm": scene.reach,
-        "rad": float(size["rad"]) or float("inf"),
-    }
-    weighs = observed.measurement.wholly_read and not scene.gauged
-    effects = [effect for effect in catalogue(scene, more) if _is_of_loads(effect, weighs=weighs)]
-    return [*effects, *instrument_effects(observed, scene.duration, largest)]
-
-
-def _is_of_loads(effect: Effect, *, weighs: bool) -> bool:
-    has_friction = type(effect).friction is not Effect.friction
-    return not has_friction and (weighs or not isinstance(effect, Gravity))
 
 
 KINDS: tuple[RampTest, ...] = (JointTest(), ColumnTest(), LoadTest(), RampTest())

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from vjm.rotations import Array
@@ -26,37 +24,24 @@ STEPS = {
 """Where there is no experiment."""
 
 
-@dataclass(frozen=True)
-class Channel:
-    """Errors of one channel, root mean square.
+def _channels(prepared: Prepared, fit: Fit, before: Before) -> list[dict[str, object]]:
+    """Errors of each channel, root mean square, beside the noise of one reading by the sheet.
 
-    Attributes:
-        noise: of one reading by the sheet.
-        drawn: of the nominal model with the sheet's own values; None where it does not reach the readings.
-        best: with its nuisances at their best.
+    Of the nominal model with the sheet's own values, None where it does not reach the readings, and at its best.
     """
-
-    name: str
-    noise: float
-    drawn: float | None
-    best: float
-    after: float
-
-
-def _channels(prepared: Prepared, fit: Fit, before: Before) -> list[Channel]:
     observed = prepared.fitter.forward.observed
 
     def rms(residual: Array, c: int) -> float:
         return float(np.sqrt(np.mean(residual[observed.present[:, c], c] ** 2)))
 
     return [
-        Channel(
-            name,
-            float(observed.measurement.sheet.sigma(name).noise),
-            None if before.drawn is None else rms(before.drawn, c),
-            rms(before.best, c),
-            rms(fit.at.residual, c),
-        )
+        {
+            "name": name,
+            "noise": float(observed.measurement.sheet.sigma(name).noise),
+            "drawn": None if before.drawn is None else rms(before.drawn, c),
+            "best": rms(before.best, c),
+            "after": rms(fit.at.residual, c),
+        }
         for c, name in enumerate(observed.columns)
         if observed.present[:, c].any()
     ]

@@ -136,16 +136,9 @@ def _fitted(fitter: Fitter, *near: Array) -> Fit:
 
 def _beside_kinks(fitter: Fitter) -> list[Array]:
     """Nuisances ``(m,)`` to begin from where a critical point may move over readings: there are several minima."""
-    if not _kinked(fitter):
-        return []
-    return [sign * np.eye(len(fitter.nuisances))[i] for i in fitter.of_machine for sign in (1.0, -1.0)]
-
-
-def _kinked(fitter: Fitter) -> bool:
-    """Whether readings lie on both sides of a bifurcation."""
     forward = fitter.forward
     for ray in forward.observed.rays:
         s = forward.observed.pose[ray.index] @ ray.measure
         if any(forward.branched(ray, sign, float((sign * s).max())) for sign in (1, -1)):
-            return True
-    return False
+            return [sign * np.eye(len(fitter.nuisances))[i] for i in fitter.of_machine for sign in (1.0, -1.0)]
+    return []

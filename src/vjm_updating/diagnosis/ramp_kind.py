@@ -81,25 +81,6 @@ def knee(s: Array, force: Array) -> float | None:
     return best[1]
 
 
-def critical_points(fitter: Fitter, null: Fit, fit: Fit) -> list[CriticalPointRow]:
-    """The test's half-rays: those with a measured critical force first, then by the extended model's own."""
-    rows: dict[tuple[str, str], CriticalPointRow] = {}
-    for ray in fitter.forward.observed.rays:
-        for sign in (1.0, -1.0):
-            one = _half_ray(fitter, null, fit, ray, sign)
-            if one is None:
-                continue
-            key = one.posture, one.direction
-            if key not in rows or rows[key].measured_N is None:
-                rows[key] = one
-
-    def order(one: CriticalPointRow) -> tuple[bool, float]:
-        force = one.extended_N
-        return one.measured_N is None, np.inf if force is None else force
-
-    return sorted(rows.values(), key=order)
-
-
 def _half_ray(fitter: Fitter, null: Fit, fit: Fit, ray: Ray, sign: float) -> CriticalPointRow | None:
     observed = fitter.forward.observed
     c = int(np.argmax(np.abs(ray.direction[:3])))
@@ -174,9 +155,6 @@ def _point(engine: VjmEngine, chain: Machine, load_case: LoadCase, fitter: Fitte
     return kind, force, first_yield(problem, path, fitter.forward.observed.measurement.document["parts"])
 
 
-# ------------------------------------------------------------------------------------------------------------------
-
-
 LONG_BEFORE = prior_scale(4.0)
 """Spans of a test that its clock may have run before at most: one that shows the date says nothing."""
 MOST_PAIRS = shown(5)
@@ -232,8 +210,22 @@ class RampTest:
         return hold_out(fitter, null, split_of(fitter.forward.observed))
 
     def critical_points(self, fitter: Fitter, null: Fit, fit: Fit) -> list[CriticalPointRow]:
-        """Critical loads of the half-rays: measured, of the nominal model and of the extended one."""
-        return critical_points(fitter, null, fit)
+        """Critical loads of the half-rays: those with a measured one first, then by the extended model's own."""
+        rows: dict[tuple[str, str], CriticalPointRow] = {}
+        for ray in fitter.forward.observed.rays:
+            for sign in (1.0, -1.0):
+                one = _half_ray(fitter, null, fit, ray, sign)
+                if one is None:
+                    continue
+                key = one.posture, one.direction
+                if key not in rows or rows[key].measured_N is None:
+                    rows[key] = one
+
+        def order(one: CriticalPointRow) -> tuple[bool, float]:
+            force = one.extended_N
+            return one.measured_N is None, np.inf if force is None else force
+
+        return sorted(rows.values(), key=order)
 
     def parameters(self, fitter: Fitter, fit: Fit, values: Mapping[str, ValueRow]) -> dict[str, ValueRow | str]:
         """What follows from a fit's parameters in a test of this kind: nothing beyond the causes' own."""

@@ -159,34 +159,24 @@ def with_mistakes(document: Diagnosis, mistakes: Sequence[Mistake]) -> Diagnosis
         document = document.model_copy(update={"findings": findings.model_copy(update={"words": words(findings)})})
     undone = "undone before anything was fitted: " + ", ".join(TITLES[cause] for cause in causes)
     residual = "; ".join(text for text in (document.residual, undone) if text)
+    changed: dict[str, object] = {"residual": residual}
     if document.verdict == "unknown":
-        rows = [
+        changed["alternatives"] = [
             row.model_copy(update={"causes": sorted({*row.causes, *causes})}) for row in document.alternatives
         ] or [AlternativeRow(causes=causes, places=causes, confidence=1.0 - document.confidence)]
-        return document.model_copy(update={"residual": residual, "alternatives": rows})
+        return document.model_copy(update=changed)
     if document.verdict == "none":
-        alone = CandidateRow(causes=causes, probability=1.0, parameters=parameters, gain=None)
-        return document.model_copy(
-            update={
-                "verdict": "named", "causes": causes, "candidates": [alone], "parameters": parameters,
-                "residual": residual,
-            }
-        )  # fmt: skip
-    candidates = [
-        row.model_copy(update={"causes": sorted({*row.causes, *causes}), "parameters": parameters | row.parameters})
-        for row in document.candidates
-    ]
-    return document.model_copy(
-        update={
-            "causes": sorted({*document.causes, *causes}),
-            "candidates": candidates,
-            "parameters": candidates[0].parameters,
-            "residual": residual,
-        }
-    )
-
-
-# ------------------------------------------------------------------------------------------------------------------
+        candidates = [CandidateRow(causes=causes, probability=1.0, parameters=parameters, gain=None)]
+        changed["verdict"] = "named"
+    else:
+        candidates = [
+            row.model_copy(
+                update={"causes": sorted({*row.causes, *causes}), "parameters": parameters | row.parameters}
+            )
+            for row in document.candidates
+        ]
+    changed |= {"candidates": candidates, "parameters": candidates[0].parameters}
+    return document.model_copy(update=changed | {"causes": sorted({*document.causes, *causes})})
 
 
 # --- The residual of the nominal model taken apart into contrasts that a person can read, and how sure each is
@@ -268,9 +258,6 @@ def _behind(fitter: Fitter, null: Fit) -> np.ndarray:
         s = np.abs(observed.pose[ray.index] @ ray.measure)
         result[ray.index] = k < k[np.argmin(s)] / 3.0
     return result
-
-
-# ------------------------------------------------------------------------------------------------------------------
 
 
 AGAIN = numerical(2)

@@ -182,9 +182,16 @@ class Search:
         """What every other effect explains beside a hypothesis, its laws right to some per cent only."""
         if base.labels in self._beside and self._beside[base.labels][0] is base.fit:
             return self._beside[base.labels][1]
-        known = next((known for fit, known in self._signatures if self._near(fit, base.fit)), None)
+        # what effects do about one fit tells what they do about another near by
+        known = next(
+            (own for fit, own in self._signatures if abs(fit.objective - base.fit.objective) < STRONG), None
+        )
         if known is None:
-            known = self._signed(base)
+            if not base.labels and self.signed is not None and self.signed.serves(self.fitter, base.fit):
+                known = self.signed.found
+            else:
+                self.progress(f"signatures of {len(self.effects)} effects")
+                known = signatures(self.fitter, base.fit, self.effects)
             self._signatures.append((base.fit, known))
         candidates = [s for s in known if s.effect.label not in base.labels]
         ranking = scores(
@@ -194,16 +201,6 @@ class Search:
         )
         self._beside[base.labels] = base.fit, ranking
         return ranking
-
-    def _near(self, fit: Fit, other: Fit) -> bool:
-        """Whether what effects do about one fit tells what they do about another."""
-        return abs(fit.objective - other.objective) < STRONG
-
-    def _signed(self, base: Ranked) -> list[Signature]:
-        if not base.labels and self.signed is not None and self.signed.serves(self.fitter, base.fit):
-            return self.signed.found
-        self.progress(f"signatures of {len(self.effects)} effects")
-        return signatures(self.fitter, base.fit, self.effects)
 
     def _forward(self, base: Ranked) -> list[SearchMove]:
         """One cause more."""

@@ -117,9 +117,6 @@ def kind_present(
     return -2.0 * float(np.logaddexp(np.log1p(-chance), np.log(chance) + acts))
 
 
-# ------------------------------------------------------------------------------------------------------------------
-
-
 RIVALS = numerical(12)
 """Hypotheses that are compared with the best at most."""
 

@@ -124,21 +124,17 @@ class Comparison(ABC):
         A stiff machine feels that of a gauge on an axis which nobody drives. Of postures the largest counts.
         """
         sheet = self.measurement.sheet
-        return float(
-            np.hypot(sheet.sigma(name).noise, self._made(name, [sheet.errors(n).noise for n in self.given]))
-        )
+        return self._with_given(name, sheet.sigma(name).noise, [sheet.errors(n).noise for n in self.given])
 
     def zero(self, name: str) -> float:
         """Likewise of the constant errors of a channel and of the given."""
         sheet = self.measurement.sheet
-        return float(
-            np.hypot(sheet.errors(name).zero, self._made(name, [sheet.errors(n).zero for n in self.given]))
-        )
+        return self._with_given(name, sheet.errors(name).zero, [sheet.errors(n).zero for n in self.given])
 
-    def _made(self, name: str, errors: Sequence[float]) -> float:
-        """The largest error of a channel's prediction by those of what was given."""
+    def _with_given(self, name: str, own: float, given: Sequence[float]) -> float:
         k = self.columns.index(name)
-        return max(float(np.linalg.norm(self.slope(label)[k] * np.array(errors))) for label in self.labels)
+        made = (np.linalg.norm(self.slope(label)[k] * np.array(given)) for label in self.labels)
+        return float(np.hypot(own, max(map(float, made))))
 
     def expected(self, name: str) -> bool:
         """Whether the model predicts a change of a channel that was read far above its noise."""
@@ -212,8 +208,7 @@ class ByLoads(Comparison):
         table = load_table(
             ModifiedChain(m.chain, m.engine), HalfRay.of(posture, np.eye(6)[0], SMALL), (), m.free, self.gauges
         )
-        result: Array = table.compliance[0]
-        return result
+        return table.compliance[0]
 
 
 # --- Readings as points on rays from the unloaded pose, along which the model is solved ---------------------------
@@ -282,8 +277,7 @@ def _clean(furthest: Array, sigma: Array) -> Array:
     real = np.where(np.abs(furthest) > 6.0 * sigma, furthest, 0.0)
     chosen = real if real.any() else furthest
     size = float(np.linalg.norm(chosen))
-    result: Array = chosen / size if size > 0.0 else np.eye(6)[0]
-    return result
+    return chosen / size if size > 0.0 else np.eye(6)[0]
 
 
 # --- A test that imposes displacements, beside wrenches of the nominal machine off its load paths -----------------
@@ -303,10 +297,8 @@ class ByDisplacements(Comparison):
         readings, sheet = measurement.readings, measurement.sheet
         super().__init__(measurement, POSE, WRENCH, readings.pose, readings.wrench)
         noise = np.array([np.hypot(one.noise, one.zero) for one in map(sheet.errors, POSE)])
-        known, length = (
-            np.flatnonzero(~np.isnan(readings.pose).any(axis=1)),
-            measurement.chain.characteristic_length,
-        )
+        known = np.flatnonzero(~np.isnan(readings.pose).any(axis=1))
+        length = measurement.chain.characteristic_length
         try:
             known_rays = rays(readings.posture[known], readings.pose[known], noise, length)
         except ValueError:

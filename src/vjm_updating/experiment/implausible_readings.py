@@ -76,8 +76,7 @@ def rounded(c: Comparison, name: str, digit: float) -> bool:
 def _beside(value: Array, driving: Array, noise: float, digit: float) -> list[tuple[float, bool]]:
     """How far inner values ``(k,)`` lie from the line through their neighbours, beyond the other channel's noise.
 
-    Returns:
-        A distance each, and whether the steps before and behind it differ, in either channel, by half a digit.
+    Of each also whether the steps before and behind it differ, in either channel, by half a digit.
     """
     distances = []
     for k in range(1, len(value) - 1):
@@ -346,8 +345,7 @@ class ReadColumns:
     @property
     def fits(self) -> Array:
         """What the machine shows ``(n, m)`` with its own zero and gain; nan where nothing is known."""
-        result: Array = self.read - self.left
-        return result
+        return self.read - self.left
 
     @cached_property
     def scale(self) -> Array:

@@ -93,8 +93,7 @@ def _flat(tree: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]
 
 
 def _parts(document: Mapping[str, Any]) -> list[dict[str, Any]]:
-    parts: list[dict[str, Any]] = document.get("parts", [])
-    return parts
+    return document.get("parts", [])
 
 
 def _link(document: Mapping[str, Any]) -> dict[str, Any]:
@@ -150,9 +149,6 @@ def _entry(table: list[Any], step: str, path: str) -> object:
     if step.isdigit() and 1 <= int(step) <= len(table):
         return table[int(step) - 1]
     raise ValueError(f"[model]: '{path}' leads nowhere: no entry '{step}'")
-
-
-# ------------------------------------------------------------------------------------------------------------------
 
 
 LARGEST, FULL_TURN = physical_bound(1e12), physical_bound(2.0 * np.pi)

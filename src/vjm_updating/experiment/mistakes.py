@@ -65,8 +65,7 @@ class Mistake:
         if self.exchanged and self.exchanged[0] in names:
             i, j = (names.index(name) for name in self.exchanged)
             order[i], order[j] = j, i
-        result: Array = values[..., order] * [self.factors.get(name, 1.0) for name in names]
-        return result
+        return values[..., order] * [self.factors.get(name, 1.0) for name in names]
 
     def corrected(self, readings: Readings) -> Readings:
         """The readings without the mistake."""
@@ -171,12 +170,9 @@ SIGNS = (("the sign of the forces", LOADS), ("the sign of the displacements", MO
 def ways(
     readings: Readings, postures: tuple[str, ...], columns: tuple[tuple[str, ...], tuple[str, ...]] = (POSE, WRENCH)
 ) -> list[Mistake]:
-    """All mistakes that concern columns that are there.
+    """All mistakes that concern columns that are there, those that concern more of them first.
 
     The machine may have stood in ``postures``; ``columns`` are those of what was imposed, and of what was read.
-
-    Returns:
-        Those that concern more columns first.
     """
     present = [name for names in columns for name in names if np.isfinite(readings.values.get(name, np.nan)).any()]
 

@@ -190,8 +190,7 @@ class Likelihood:
         given = way.put_right(c.imposed[self.at], c.given)
         slope = c.slope(way.postures.get(self.label, self.label)) * c.unit[:, None]
         excess = (np.abs(given) @ np.abs(slope.T)) ** 2 - (given @ slope.T) ** 2
-        result: Array = self.promised**2 * np.maximum(excess, 0.0)
-        return result
+        return self.promised**2 * np.maximum(excess, 0.0)
 
     def _cost(self, apart: Array, noise: Array, beside: Array, share: float = 1.0) -> Array:
         """Of logarithms of factors, summed over columns; the machine's part has a share of its variance."""
@@ -200,8 +199,7 @@ class Likelihood:
             variance = share * machine + noise
             normal = np.exp(-0.5 * np.nan_to_num(apart) ** 2 / variance) / np.sqrt(2.0 * np.pi * variance)
             density += np.where(np.isnan(apart), 0.0, 0.5 * (1.0 - LEAPS) * normal)
-        result: Array = -np.log(density).sum(axis=-1)
-        return result
+        return -np.log(density).sum(axis=-1)
 
     def step(self, k: int, before: int | slice, after: int | slice) -> Array:
         """Of the change from row ``k - 1`` to ``k`` of the posture, from one mistake to another."""
@@ -352,9 +350,6 @@ def _converted(c: Comparison, way: Mistake, rows: np.ndarray, name: str) -> bool
     if rough > 0.0 and usual > 0.0:
         return abs(float(np.log(rough * factor / usual))) < abs(float(np.log(rough / usual)))
     return name in way.factors
-
-
-# ------------------------------------------------------------------------------------------------------------------
 
 
 REMEDIES = {UNIT: "Convert them", SIGN: "Turn it"}

@@ -74,8 +74,7 @@ class Readings:
 
     def known(self, channel: str) -> Array:
         """What was read of a column, without its gaps."""
-        result: Array = self.values[channel][~np.isnan(self.values[channel])]
-        return result
+        return self.values[channel][~np.isnan(self.values[channel])]
 
     def span(self, channel: str) -> float:
         """From the least to the largest reading of a column; 0 where there is none."""
@@ -96,8 +95,7 @@ class Readings:
         """Number ``(n,)`` of the unbroken sequence of one posture and run that a reading belongs to."""
         new = np.ones(len(self), dtype=bool)
         new[1:] = (self.posture[1:] != self.posture[:-1]) | (self.run[1:] != self.run[:-1])
-        result: np.ndarray = np.cumsum(new) - 1
-        return result
+        return np.cumsum(new) - 1
 
     @property
     def sequences(self) -> list[np.ndarray]:

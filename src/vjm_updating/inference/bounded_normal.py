@@ -79,8 +79,7 @@ def log_beyond(slope: Array) -> Array:
         >>> round(float(np.exp(log_beyond(np.zeros(1)))[0]), 3)
         0.5
     """
-    result: Array = 0.5 * slope**2 + log_ndtr(-slope)
-    return result
+    return 0.5 * slope**2 + log_ndtr(-slope)
 
 
 def log_share(low: Array, high: Array) -> Array:
@@ -89,8 +88,7 @@ def log_share(low: Array, high: Array) -> Array:
     flip = low > 0.0
     a, b = np.where(flip, -high, low), np.where(flip, -low, high)
     upper, lower = log_ndtr(b), log_ndtr(a)
-    result: Array = upper + np.log1p(-np.exp(np.minimum(lower - upper, -1e-16)))
-    return result
+    return upper + np.log1p(-np.exp(np.minimum(lower - upper, -1e-16)))
 
 
 def truncated_draws(mean: Array, C: Array, low: Array, high: Array, start: Array) -> Array | None:
@@ -149,8 +147,7 @@ def _between(a: Array, b: Array, rng: np.random.Generator) -> Array:
     top, bottom = log_ndtr(high), log_ndtr(low)
     u = rng.uniform(size=len(a))
     draws = ndtri_exp(top + np.log(u + (1.0 - u) * np.exp(np.minimum(bottom - top, 0.0))))
-    result: Array = np.where(flip, -draws, draws)
-    return result
+    return np.where(flip, -draws, draws)
 
 
 LONGEST = numerical(1.0)

@@ -65,15 +65,11 @@ class Whitening:
 
     def instant(self, raw: Array) -> Array:
         """``(n, 6, …)`` of unit variance, still autocorrelated."""
-        result: Array = np.einsum("nij,nj...->ni...", self.factors, raw)
-        return result
+        return np.einsum("nij,nj...->ni...", self.factors, raw)
 
     def independent(self, raw: Array) -> Array:
         """``(n, 6, …)`` of unit variance and white; errors of the straight lines are still shared."""
-        result: Array = self.autoregression.remove(self.instant(raw)) / self.spread.reshape(
-            -1, *[1] * (raw.ndim - 2)
-        )
-        return result
+        return self.autoregression.remove(self.instant(raw)) / self.spread.reshape(-1, *[1] * (raw.ndim - 2))
 
     def flat(self, raw: Array) -> Array:
         """Raw residuals ``(n, 6, …)`` as independent ones ``(N, …)``."""
@@ -83,8 +79,7 @@ class Whitening:
         """Residuals ``(N, …)`` without autocorrelation and without what errors of the straight lines do to them."""
         U, sizes, _ = self._together
         share = 1.0 - 1.0 / np.sqrt(1.0 + sizes**2)
-        result: Array = free - U @ (share.reshape(-1, *[1] * (free.ndim - 1)) * (U.T @ free))
-        return result
+        return free - U @ (share.reshape(-1, *[1] * (free.ndim - 1)) * (U.T @ free))
 
     @property
     def determinant(self) -> float:
@@ -119,8 +114,7 @@ class Whitening:
             # in standard deviations of a reading
             if np.abs(sizes * step).max(initial=0.0) < NEGLIGIBLE:
                 break
-        result: Array = raw - self.slow @ (Vt.T @ likely)
-        return result
+        return raw - self.slow @ (Vt.T @ likely)
 
     @cached_property
     def _together(self) -> tuple[Array, Array, Array]:
@@ -132,8 +126,7 @@ class Whitening:
 
     def _each(self, raw: Array) -> Array:
         """Raw residuals ``(n, 6, …)`` as white ones ``(N, …)``."""
-        result: Array = self.independent(raw)[self.present]
-        return result
+        return self.independent(raw)[self.present]
 
 
 def whitening_of(observed: Observed, evaluation: Evaluation) -> Whitening:
@@ -358,8 +351,7 @@ class Fitter:
                 continue
             shifted = self.evaluate(unknowns, z, hypothesis, beside=evaluation.z, held=held)
             if shifted is not None:
-                result: Array = (shifted.residual - evaluation.residual) / step
-                return result
+                return (shifted.residual - evaluation.residual) / step
         return np.zeros_like(evaluation.residual)
 
     def objective(self, unknowns: Sequence[Coordinate], evaluation: Evaluation) -> float:

@@ -18,7 +18,6 @@ from vjm.rotations import Array
 from vjm_updating.constants import numerical
 from vjm_updating.experiment import Measurement
 from vjm_updating.experiment.comparison import Ray
-from vjm_updating.experiment.data_file import POSE, WRENCH
 from vjm_updating.inference.instruments import ThermalDrift
 from vjm_updating.inference.noise import whiten
 from vjm_updating.inference.observed import Observed, RampRegression, commanded, is_noise, observe, straightened
@@ -170,7 +169,31 @@ class Predictor(Protocol):
 
 
 @dataclass
-class Forward:
+class PlainForward:
+    """All of a `Predictor` but its predictions, of tests in which no equilibrium has a second branch."""
+
+    observed: Observed
+    branches: dict[tuple[int, int], int] = field(default_factory=dict)
+
+    def machine(self, unknowns: Sequence[Coordinate], z: Array, hypothesis: Hypothesis) -> ModifiedChain:
+        """The machine of a hypothesis."""
+        return machine_of(self.observed, unknowns, z, hypothesis)
+
+    def reading(self, observed: Observed) -> Self:
+        """The same for other readings of the same test."""
+        return type(self)(observed)
+
+    def branched(self, ray: Ray, sign: int, reach: float) -> bool:
+        """No half-ray has a bifurcation behind which readings could lie."""
+        return False
+
+    def behind_bifurcation(self, unknowns: Sequence[Coordinate], z: Array, hypothesis: Hypothesis) -> np.ndarray:
+        """No reading ``(n,)`` is."""
+        return np.zeros(len(self.observed.pose), dtype=bool)
+
+
+@dataclass
+class Forward(PlainForward):
     """Predicts readings; keeps the tables that it has made.
 
     Attributes:
@@ -178,16 +201,14 @@ class Forward:
         at_readings: whether tables have equilibria at the very displacements that were read, and must reach them.
     """
 
-    observed: Observed
-    branches: dict[tuple[int, int], int] = field(default_factory=dict)
     at_readings: bool = field(default=False, kw_only=True)
     _tables: OrderedDict[Key, PathTable] = field(default_factory=OrderedDict)
     _known_pulls: dict[tuple[str, tuple[float, ...]], Array] = field(default_factory=dict)
     _known_ramps: dict[tuple[tuple[int, int], ...], list[Ramp]] = field(default_factory=dict, init=False)
 
-    def reading(self, observed: Observed) -> Forward:
+    def reading(self, observed: Observed) -> Self:
         """The same for other readings of the same test."""
-        return Forward(observed, dict(self.branches), self._tables, self._known_pulls)
+        return type(self)(observed, dict(self.branches), self._tables, self._known_pulls)
 
     def branched(self, ray: Ray, sign: int, reach: float) -> bool:
         """Whether a half-ray has a bifurcation within its reach, in any table made so far."""
@@ -197,10 +218,6 @@ class Forward:
             for (_, half, near), table in self._tables.items()
             if near is None and (half.posture, half.direction) == (ray.posture, d)
         )
-
-    def machine(self, unknowns: Sequence[Coordinate], z: Array, hypothesis: Hypothesis) -> ModifiedChain:
-        """The machine of a hypothesis."""
-        return machine_of(self.observed, unknowns, z, hypothesis)
 
     def evaluate(
         self, unknowns: Sequence[Coordinate], z: Array, hypothesis: Hypothesis, beside: Array | None = None
@@ -217,8 +234,8 @@ class Forward:
         machine = self.machine(unknowns, z, hypothesis)
         values = values_of(unknowns, z, hypothesis)
         errors = instrument_errors(unknowns, z, observed.slots)
-        drift = self._drift(hypothesis, values)
-        place = errors.true_displacement(observed.pose - drift[:, :6])
+        of_pose, of_wrench = drifted(observed, hypothesis, values)
+        place = errors.true_displacement(observed.pose - of_pose)
         own = own_effects(unknowns, z, hypothesis)
         for effect, v in own:
             place = effect.imposed(place, v)
@@ -247,7 +264,7 @@ class Forward:
         for effect, v in own:
             turned = effect.imposed(turned, v)
         stiffness = stiffness @ turned.T
-        residual = errors.residual(observed.wrench - drift[:, 6:], wrench)
+        residual = errors.residual(observed.wrench - of_wrench, wrench)
         return Evaluation(z, residual, wrench, stiffness, place, errors, exact if local else None)
 
     def _slope(
@@ -259,31 +276,13 @@ class Forward:
         Without a history ``u = u_chain(W) + v(W, p)`` gives ``dW = −K dv``: the wrench W is held in v, and K is the
         ``stiffness`` (n, 6, 6) of chain and elements together, as the gauges read it.
         """
-        c = unknowns[i]
-        number = int(c.subject) if c.kind == "effect" else -1
-        if number < 0 or not deflects(hypothesis[number]):
+        moved = deflected(
+            unknowns, z, hypothesis, machine, i, lambda own: deflection(own, wrench, self.observed.history)
+        )
+        if moved is None:
             return None
-        step = c.difference * max(1.0, abs(z[i]))
-        ends, moved = (max(z[i] - step, c.low), min(z[i] + step, c.high)), []
-        for end in ends:
-            values = values_of(unknowns, np.where(np.arange(len(z)) == i, end, z), hypothesis)[number]
-            moved.append(deflection(hypothesis[number].elements(machine, values), wrench, self.observed.history))
-        change = np.einsum("nij,nj->ni", stiffness, moved[1] - moved[0]) / (ends[1] - ends[0])
-        return np.where(self.observed.present, change, 0.0)
-
-    def _drift(self, hypothesis: Hypothesis, values: Sequence[Sequence[float]]) -> Array:
-        """What drift adds to the readings ``(n, 12)`` of displacements and wrenches."""
-        observed = self.observed
-        result = np.zeros((len(observed.pose), 12))
-        for effect, v in zip(hypothesis, values, strict=True):
-            if isinstance(effect, ThermalDrift):
-                drift = effect.course(observed.warmth, observed.clock, v)
-                index = (*POSE, *WRENCH).index(effect.part)
-                if index in observed.steady:
-                    # the gauge's drift went the way of its noise
-                    drift = observed.steady[index].regressed(drift)
-                result[:, index] += drift
-        return result
+        change, width = moved
+        return np.where(self.observed.present, np.einsum("nij,nj->ni", stiffness, change) / width, 0.0)
 
     def _lookup(
         self,
@@ -398,8 +397,7 @@ class Forward:
     def _friction(self, sheaf: Sheaf, own: Array, limit: Array, presliding: float) -> Array:
         free, give, bear, rest = sheaf.yielding(own)
         tau = friction_torques(free, give, limit, self.observed.history.begins, rest, presliding)
-        result: Array = np.einsum("nij,nj->ni", bear, tau)
-        return result
+        return np.einsum("nij,nj->ni", bear, tau)
 
 
 def _ramps(observed: Observed, branches: Sequence[tuple[int, int]], *, at_readings: bool) -> list[Ramp]:
@@ -421,6 +419,42 @@ def _ramps(observed: Observed, branches: Sequence[tuple[int, int]], *, at_readin
         both = tuple(np.unique(way[way > 0.0]).tolist() for way in (s, -s)) if at_readings else ((), ())
         result.append(Ramp(ray, index, (up, down), branches[numbers[0]], (tuple(both[0]), tuple(both[1]))))
     return result
+
+
+def deflected(
+    unknowns: Sequence[Coordinate], z: Array, hypothesis: Hypothesis, machine: ModifiedChain, i: int,
+    by: Callable[[Sequence[SeriesElement]], Array],
+) -> tuple[Array, float] | None:  # fmt: skip
+    """What elements deflect more from one side of coordinate ``i`` to the other, and how far these lie apart.
+
+    None where its cause does something else.
+    """
+    c = unknowns[i]
+    number = int(c.subject) if c.kind == "effect" else -1
+    if number < 0 or not deflects(hypothesis[number]):
+        return None
+    step = c.difference * max(1.0, abs(z[i]))
+    ends, moved = (max(z[i] - step, c.low), min(z[i] + step, c.high)), []
+    for end in ends:
+        values = values_of(unknowns, np.where(np.arange(len(z)) == i, end, z), hypothesis)[number]
+        moved.append(by(hypothesis[number].elements(machine, values)))
+    return moved[1] - moved[0], ends[1] - ends[0]
+
+
+def drifted(observed: Observed, hypothesis: Hypothesis, values: Sequence[Sequence[float]]) -> tuple[Array, Array]:
+    """What drift adds to readings of what was imposed ``(n, 6)``, and of what was read ``(n, m)``."""
+    imposed, read = np.zeros_like(observed.pose), np.zeros_like(observed.wrench)
+    for effect, v in zip(hypothesis, values, strict=True):
+        if not isinstance(effect, ThermalDrift):
+            continue
+        drift = effect.course(observed.warmth, observed.clock, v)
+        if effect.part in observed.columns:
+            read[:, observed.columns.index(effect.part)] += drift
+        else:
+            k = observed.slots[effect.part]
+            # the gauge's drift went the way of its noise
+            imposed[:, k] += observed.steady[k].regressed(drift) if k in observed.steady else drift
+    return imposed, read
 
 
 def own_effects(
@@ -474,33 +508,6 @@ def values_of(unknowns: Sequence[Coordinate], z: Array, hypothesis: Hypothesis) 
         value = unknowns[k].value(float(z[k]))
         result.append([1.0 / (1.0 + value) if key[0] == "modulus" else value])
     return result
-
-
-# --- What predictions of tests share in which no equilibrium has a second branch ----------------------------------
-
-
-@dataclass
-class PlainForward:
-    """All of a `vjm_updating.inference.forward.Predictor` but its predictions."""
-
-    observed: Observed
-    branches: dict[tuple[int, int], int] = field(default_factory=dict)
-
-    def machine(self, unknowns: Sequence[Coordinate], z: Array, hypothesis: Hypothesis) -> ModifiedChain:
-        """The machine of a hypothesis."""
-        return machine_of(self.observed, unknowns, z, hypothesis)
-
-    def reading(self, observed: Observed) -> Self:
-        """The same for other readings of the same test."""
-        return type(self)(observed)
-
-    def branched(self, ray: Ray, sign: int, reach: float) -> bool:
-        """No half-ray has a bifurcation behind which readings could lie."""
-        return False
-
-    def behind_bifurcation(self, unknowns: Sequence[Coordinate], z: Array, hypothesis: Hypothesis) -> np.ndarray:
-        """No reading ``(n,)`` is."""
-        return np.zeros(len(self.observed.pose), dtype=bool)
 
 
 # --- Readings of ramps as a calibration and a diagnosis take them: displacements as they were imposed -------------

@@ -67,13 +67,11 @@ class InstrumentErrors:
 
     def true_displacement(self, read: Array) -> Array:
         """Displacements ``(n, 6)`` from their readings, noise aside."""
-        result: Array = (read - self.zero_u) / self.gain_u
-        return result
+        return (read - self.zero_u) / self.gain_u
 
     def reading(self, wrench: Array) -> Array:
         """Readings ``(n, m)`` of true wrenches, noise aside."""
-        result: Array = self.gain * wrench + self.zero
-        return result
+        return self.gain * wrench + self.zero
 
     def residual(self, read: Array, wrench: Array) -> Array:
         """Readings ``(n, m)`` less those of a model's wrenches; zero where there is no reading, nan."""

@@ -17,12 +17,12 @@ from vjm.model.machine import Machine
 from vjm.rotations import Array
 from vjm_updating.constants import numerical, physical_bound, prior_scale
 from vjm_updating.experiment.comparison import levers_of, stiffness_of
-from vjm_updating.inference.forward import PlainForward, own_effects, values_of
-from vjm_updating.inference.instruments import ThermalDrift
-from vjm_updating.inference.parameters import Coordinate, Evaluation, Hypothesis, deflects, instrument_errors
+from vjm_updating.inference.forward import PlainForward, deflected, drifted, own_effects, values_of
+from vjm_updating.inference.parameters import Coordinate, Evaluation, Hypothesis, instrument_errors
 from vjm_updating.mechanisms.drives import (
     BEFORE_JOINTS,
     RATIO,
+    SOFT,
     ActuatorCompliance,
     ActuatorHardening,
     DriveSite,
@@ -60,42 +60,8 @@ ELASTIC = prior_scale(0.02)
 """Presliding over the test's largest motion, in order of magnitude."""
 
 
-@dataclass(frozen=True)
-class JointCompliance(ActuatorCompliance):
-    """Of a joint under test: softer or stiffer than the model says."""
-
-    title = "the joint is softer or stiffer than the model says"
-
-    @property
-    def in_place_of(self) -> str:
-        """The joint's spring."""
-        return self.part
-
-    def sliding(self) -> tuple[Quantity, ...]:
-        """Beyond what the model has; negative where it is stiffer."""
-        c = self.drive.compliance
-        low, high = (SMALLEST_COMPLIANCE - 1.0) * c, LARGEST_COMPLIANCE * c
-        return (Quantity("compliance_mm_per_N", low, high, 0.1 * c, neutral=0.0),)
-
-    def quantities(self) -> tuple[Quantity, ...]:
-        """In rad and N mm where the joint turns."""
-        return (_told(self.drive, self.sliding()[0]),)
-
-    def trials(self) -> Sequence[tuple[float, ...]]:
-        """A tenth softer and stiffer."""
-        scale = self.quantities()[0].scale
-        return [(scale,), (-scale,)]
-
-
-@dataclass(frozen=True)
-class JointHardening(ActuatorHardening):
-    """Of a joint under test: a wind-up between those of two laws, by a share of the second.
-
-    In the first the load is ``k x (1 + (r − 1)/(m + 1) (x/X)^m)`` at the wind-up x; X is that under the largest
-    load. With m = 2 it is the cubic that robots' gears are described by (Kircanski and Goldenberg, Int. J. Robotics
-    Research 16 (1997) 214). In the second the tangent compliance changes with the load, as `ActuatorHardening` has
-    it. In both the tangent stiffness at the largest load is r times that at none, which is k.
-    """
+class JointSpring(InDrive):
+    """A law of a joint's spring under test, in the place of the model's."""
 
     @property
     def contains(self) -> tuple[str, ...]:
@@ -107,6 +73,39 @@ class JointHardening(ActuatorHardening):
         """The joint's spring."""
         return self.part
 
+    def quantities(self) -> tuple[Quantity, ...]:
+        """In rad and N mm where the joint turns."""
+        return tuple(_told(self.drive, q) if q.name.endswith(SOFT) else self.drive.told(q) for q in self.sliding())
+
+
+@dataclass(frozen=True)
+class JointCompliance(JointSpring, ActuatorCompliance):
+    """Of a joint under test: softer or stiffer than the model says."""
+
+    title = "the joint is softer or stiffer than the model says"
+
+    def sliding(self) -> tuple[Quantity, ...]:
+        """Beyond what the model has; negative where it is stiffer."""
+        c = self.drive.compliance
+        low, high = (SMALLEST_COMPLIANCE - 1.0) * c, LARGEST_COMPLIANCE * c
+        return (Quantity("compliance_mm_per_N", low, high, 0.1 * c, neutral=0.0),)
+
+    def trials(self) -> Sequence[tuple[float, ...]]:
+        """A tenth softer and stiffer."""
+        scale = self.quantities()[0].scale
+        return [(scale,), (-scale,)]
+
+
+@dataclass(frozen=True)
+class JointHardening(JointSpring, ActuatorHardening):
+    """Of a joint under test: a wind-up between those of two laws, by a share of the second.
+
+    In the first the load is ``k x (1 + (r − 1)/(m + 1) (x/X)^m)`` at the wind-up x; X is that under the largest
+    load. With m = 2 it is the cubic that robots' gears are described by (Kircanski and Goldenberg, Int. J. Robotics
+    Research 16 (1997) 214). In the second the tangent compliance changes with the load, as `ActuatorHardening` has
+    it. In both the tangent stiffness at the largest load is r times that at none, which is k.
+    """
+
     def sliding(self) -> tuple[Quantity, ...]:
         """The ratio, the whole compliance at no load, the exponent, and the share of the second law."""
         c = self.compliance
@@ -116,11 +115,6 @@ class JointHardening(ActuatorHardening):
             WOUND,
             BY_LOAD,
         )
-
-    def quantities(self) -> tuple[Quantity, ...]:
-        """In rad and N mm where the joint turns."""
-        ratio, own, *shape = self.sliding()
-        return ratio, _told(self.drive, own), *shape
 
     def trials(self) -> Sequence[tuple[float, ...]]:
         """Stiffening and softening, of a stiff and of a soft joint."""
@@ -148,7 +142,7 @@ class JointHardening(ActuatorHardening):
 
 
 @dataclass(frozen=True)
-class JointThreeSlopes(InDrive):
+class JointThreeSlopes(JointSpring):
     """Of a joint under test: stiffness K1 up to a torque T1, K2 up to T2, K3 beyond, see `StrainWave`.
 
     So catalogues of strain wave gears describe them.
@@ -165,16 +159,6 @@ class JointThreeSlopes(InDrive):
     cause = "actuator_three_slopes"
     title = "the stiffness has three slopes, as a strain wave gear's"
 
-    @property
-    def contains(self) -> tuple[str, ...]:
-        """A spring may as well be linear."""
-        return (f"{ActuatorCompliance.cause}.{self.part}",)
-
-    @property
-    def in_place_of(self) -> str:
-        """The joint's spring."""
-        return self.part
-
     def sliding(self) -> tuple[Quantity, ...]:
         """Ratio of the first slopes, whole compliance at no load, ratio of the last, first kink, second over it."""
         c, F = self.compliance, self.force
@@ -185,11 +169,6 @@ class JointThreeSlopes(InDrive):
             Quantity("T1_N", EARLIEST_KINK * F, F, F, usual=FIRST_KINK * F, spread=1.0, log=True),
             SECOND_KINK,
         )
-
-    def quantities(self) -> tuple[Quantity, ...]:
-        """In rad and N mm where the joint turns."""
-        first, own, last, kink, second = self.sliding()
-        return first, _told(self.drive, own), last, self.drive.told(kink), second
 
     def sliding_trials(self) -> Sequence[tuple[float, ...]]:
         """Kinks at small and large loads, of a stiff and of a soft joint."""
@@ -371,7 +350,7 @@ class JointForward(PlainForward):
         lever, of_motion, of_load = levers_of(observed.measurement)
         errors = instrument_errors(unknowns, z, observed.slots, observed.columns)
         values = values_of(unknowns, z, hypothesis)
-        of_pose, of_read = self._drift(hypothesis, values)
+        of_pose, of_read = drifted(observed, hypothesis, values)
         place = errors.true_displacement(observed.pose - of_pose)
         machine = self.machine(unknowns, z, hypothesis)
         moved = of_motion * place[:, 0]
@@ -392,33 +371,19 @@ class JointForward(PlainForward):
         stiffness[:, 0, 0] = of_load * tangent * of_motion
         read = of_load * load[:, None]
 
+        def extended(laws: Sequence[SeriesElement]) -> Array:
+            return np.sum([element.law(force, history)[0] for element in laws], axis=0)
+
         def exact(i: int) -> Array | None:
-            c = unknowns[i]
-            number = int(c.subject) if c.kind == "effect" else -1
-            if number < 0 or not deflects(hypothesis[number]):
-                return None
             # the force held, a law extends otherwise by its numbers: dN = −K dx
-            step = c.difference * max(1.0, abs(z[i]))
-            ends, x = (max(z[i] - step, c.low), min(z[i] + step, c.high)), []
-            for end in ends:
-                end_values = values_of(unknowns, np.where(np.arange(len(z)) == i, end, z), hypothesis)[number]
-                laws = hypothesis[number].elements(machine, end_values)
-                x.append(np.sum([element.law(force, history)[0] for element in laws], axis=0))
-            change = (of_load * slope * (x[1] - x[0]) / (ends[1] - ends[0]))[:, None]
+            more = deflected(unknowns, z, hypothesis, machine, i, extended)
+            if more is None:
+                return None
+            change = (of_load * slope * more[0] / more[1])[:, None]
             return np.where(observed.present, errors.gain * change, 0.0)
 
         residual = errors.residual(observed.wrench - of_read, read)
         return Evaluation(z, residual, read, stiffness, place, errors, exact)
-
-    def _drift(self, hypothesis: Hypothesis, values: Sequence[Sequence[float]]) -> tuple[Array, Array]:
-        """What drift adds to the readings of motions ``(n, 6)`` and of loads ``(n, 1)``."""
-        observed = self.observed
-        of_pose, of_read = np.zeros_like(observed.pose), np.zeros_like(observed.wrench)
-        for effect, v in zip(hypothesis, values, strict=True):
-            if isinstance(effect, ThermalDrift):
-                target = of_read if effect.part in observed.columns else of_pose
-                target[:, 0] += effect.course(observed.warmth, observed.clock, v)
-        return of_pose, of_read
 
     def _history(self, lever: float) -> History:
         """Readings in one sequence; a unit of the joint's own motion moves a point at the lever."""

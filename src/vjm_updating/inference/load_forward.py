@@ -20,14 +20,11 @@ from vjm.rotations import Array
 from vjm_updating.constants import numerical
 from vjm_updating.experiment import Kind
 from vjm_updating.experiment.comparison import Ray, gauges_of
-from vjm_updating.experiment.data_file import WRENCH
-from vjm_updating.inference.forward import MARGIN, PlainForward, own_effects, values_of
-from vjm_updating.inference.instruments import ThermalDrift
+from vjm_updating.inference.forward import MARGIN, PlainForward, drifted, own_effects, values_of
 from vjm_updating.inference.observed import Observed
 from vjm_updating.inference.parameters import Coordinate, Evaluation, Hypothesis, instrument_errors
 from vjm_updating.mechanisms.effect import Effect
 from vjm_updating.mechanisms.equilibrium_tables import Gauge, HalfRay, LoadedEquilibria, load_table
-from vjm_updating.mechanisms.joint_motions import joint_motions
 from vjm_updating.mechanisms.modified_chain import ModifiedChain, links_of
 from vjm_updating.mechanisms.relaxation import Relaxation
 from vjm_updating.mechanisms.series_elements import (
@@ -37,7 +34,6 @@ from vjm_updating.mechanisms.series_elements import (
     AtJoint,
     Behind,
     ElementSite,
-    History,
     SeriesElement,
     balance,
     force_on,
@@ -75,7 +71,7 @@ class LoadForward(PlainForward):
         observed = self.observed
         machine = self.machine(unknowns, z, hypothesis)
         errors = instrument_errors(unknowns, z, observed.slots, observed.columns)
-        of_loads, of_gauges = self._drift(hypothesis, values_of(unknowns, z, hypothesis))
+        of_loads, of_gauges = drifted(observed, hypothesis, values_of(unknowns, z, hypothesis))
         load = errors.true_displacement(observed.pose - of_loads)
         own = own_effects(unknowns, z, hypothesis)
         for effect, v in own:
@@ -90,16 +86,16 @@ class LoadForward(PlainForward):
             reading = reading + sum(crept, np.zeros_like(reading))
         elements = [element for effect, v in own for element in effect.elements(machine, v)]
         if elements:
-            still = np.zeros_like(wrench)
+            still, history = np.zeros_like(wrench), observed.unloaded
 
             def look(moved: Array) -> tuple[Array, Array]:
                 return wrench + np.einsum("nij,nj->ni", stiffness, moved), stiffness
 
-            balanced = balance(look, still, elements, self._history)
+            balanced = balance(look, still, elements, history)
             reading = reading + np.einsum("nij,nj->ni", carried, balanced.pose)
             for k, element in enumerate(elements):
-                motion = element.place.motion(self._history)
-                slope = element.law(force_on(element.place, balanced.wrench, self._history), self._history)[1]
+                motion = element.place.motion(history)
+                slope = element.law(force_on(element.place, balanced.wrench, history), history)[1]
                 seen = self._seen(element, motion)
                 reading = reading + balanced.extension[:, [k]] * seen
                 compliance = compliance + slope[:, None, None] * seen[:, :, None] * motion[:, None, :]
@@ -117,19 +113,6 @@ class LoadForward(PlainForward):
             return np.where(np.isnan(observed.wrench), 0.0, slope)
 
         return Evaluation(z, residual, reading, compliance @ turned.T, load, errors, exact)
-
-    def _drift(self, hypothesis: Hypothesis, values: Sequence[Sequence[float]]) -> tuple[Array, Array]:
-        """What drift adds to the readings of loads ``(n, 6)`` and of gauges ``(n, m)``."""
-        observed = self.observed
-        of_loads, of_gauges = np.zeros_like(observed.pose), np.zeros_like(observed.wrench)
-        for effect, v in zip(hypothesis, values, strict=True):
-            if isinstance(effect, ThermalDrift):
-                course = effect.course(observed.warmth, observed.clock, v)
-                if effect.part in WRENCH:
-                    of_loads[:, WRENCH.index(effect.part)] += course
-                else:
-                    of_gauges[:, observed.columns.index(effect.part)] += course
-        return of_loads, of_gauges
 
     def _lookup(self, machine: ModifiedChain, own: Sequence[tuple[Effect, Sequence[float]]], load: Array) -> Found:
         """Equilibria under loads ``(n, 6)``; linear off the rays."""
@@ -165,7 +148,7 @@ class LoadForward(PlainForward):
         rest = 1.0 - sum(r.shares)
         terms = zip(r.shares, r.times, strict=True)
         laws = [retarded(share / rest, time / rest) for share, time in terms]
-        columns = [sum(law(column, self._history)[0] for law in laws) for column in moved.T]
+        columns = [sum(law(column, self.observed.unloaded)[0] for law in laws) for column in moved.T]
         return np.column_stack(columns)
 
     def _reach(self, ray: Ray, sign: float) -> float:
@@ -190,30 +173,6 @@ class LoadForward(PlainForward):
     @cached_property
     def _gauges(self) -> tuple[Gauge, ...]:
         return gauges_of(self.observed.measurement)
-
-    @cached_property
-    def _history(self) -> History:
-        """Clock, postures, lines of links, levers of the base and motions by joints of the unloaded machine."""
-        observed = self.observed
-        machine = ModifiedChain(observed.measurement.chain, observed.measurement.engine)
-        labels = observed.readings.posture.tolist()
-
-        def each(of: dict[str, Array]) -> Array:
-            return np.array([of[label] for label in labels])
-
-        known = dict.fromkeys(labels)
-        lines = {link: each({p: machine.line(p, link) for p in known}) for link in links_of(machine.nominal)}
-        motions = {p: joint_motions(machine, p) for p in known}
-        begins = np.ones(len(labels), dtype=bool)
-        begins[1:] = observed.readings.posture[1:] != observed.readings.posture[:-1]
-        return History(
-            np.zeros(len(labels)) if observed.clock is None else observed.clock,
-            begins,
-            next(reversed(lines.values())) if lines else np.zeros((len(labels), 3)),
-            each({p: machine.lever(p) for p in known}),
-            lines,
-            {name: each({p: motions[p][name] for p in known}) for name in motions[labels[0]]},
-        )
 
     def _seen(self, element: SeriesElement, motion: Array) -> Array:
         """What gauges read ``(n, m)`` where the end-effector moves by ``motion`` (n, 6) with an element."""

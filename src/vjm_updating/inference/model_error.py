@@ -59,8 +59,7 @@ def costs(sizes: Array, left: Array, law_error: float) -> Array:
     The scale of the relative error's half-Cauchy prior is ``law_error``.
     """
     variance = (law_error * NODES[:, None] * sizes) ** 2
-    result: Array = np.sum(np.log1p(variance) - left**2 * variance / (1.0 + variance), axis=1)
-    return result
+    return np.sum(np.log1p(variance) - left**2 * variance / (1.0 + variance), axis=1)
 
 
 def largest(law_error: float) -> float:

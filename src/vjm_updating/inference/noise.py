@@ -152,8 +152,7 @@ def whiten(pose: Array, wrench: Array, sensitivity: Array, present: np.ndarray) 
     C[:, own, own] = np.where(present, C[:, own, own], 1.0)
     size = np.sqrt(C[:, own, own])
     L = np.linalg.cholesky(C / size[:, :, None] / size[:, None, :] + 1e-12 * np.eye(len(own)))
-    result: Array = np.linalg.inv(L) / size[:, None, :]
-    return result
+    return np.linalg.inv(L) / size[:, None, :]
 
 
 @dataclass(frozen=True)
@@ -175,25 +174,21 @@ class AutoregressiveNoise:
     @property
     def neighbours(self) -> Array:
         """Correlation ``(6,)`` of neighbouring readings' errors."""
-        result: Array = (1.0 - self.white) * self.rho
-        return result
+        return (1.0 - self.white) * self.rho
 
     def remove(self, whitened: Array) -> Array:
         """What is new in ``(n, 6, …)``, of unit variance and white."""
         flat = np.ascontiguousarray(whitened.reshape(*self.before.shape, -1), dtype=float)
-        result: Array = innovations(flat, self.before, *self._filter).reshape(whitened.shape)
-        return result
+        return innovations(flat, self.before, *self._filter).reshape(whitened.shape)
 
     def back(self, new: Array) -> tuple[Array, Array]:
         """The transposed of `remove` applied to ``(n, 6)``, and the squares ``(n, 6)`` of its columns."""
-        result: tuple[Array, Array] = transposed(np.ascontiguousarray(new), self.before, *self._filter)
-        return result
+        return transposed(np.ascontiguousarray(new), self.before, *self._filter)
 
     @property
     def determinant(self) -> Array:
         """Logarithm of the determinant of each channel's correlation ``(6,)``."""
-        result: Array = 2.0 * np.log(self._filter[1]).sum(axis=0)
-        return result
+        return 2.0 * np.log(self._filter[1]).sum(axis=0)
 
     @cached_property
     def _filter(self) -> tuple[Array, Array, Array]:

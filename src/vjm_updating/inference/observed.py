@@ -6,9 +6,9 @@ the test was driven, at a steady rate from turn to turn.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 from scipy.optimize import minimize_scalar
@@ -68,8 +68,7 @@ class RampRegression:
     def regressed(self, read: Array) -> Array:
         """What the drive did ``(n, …)``, of a displacement as read; what a gauge's drift then adds to that."""
         straight = self.lines @ (self.lines.T @ read)
-        result: Array = straight + (self.moved * (read - straight).T).T
-        return result
+        return straight + (self.moved * (read - straight).T).T
 
     def errors(self, rho: float) -> Array:
         """What is not known of the lines ``(n, s)``: independent errors of unit size, for noise of unit size.
@@ -80,8 +79,7 @@ class RampRegression:
         together = self.sequence[:, None] == self.sequence
         R = np.where(together, (rho**order)[np.abs(order[:, None] - order)], 0.0)
         C = self.lines.T @ R @ self.lines
-        result: Array = self.lines @ np.linalg.cholesky(C + 1e-12 * np.eye(len(C)))
-        return result
+        return self.lines @ np.linalg.cholesky(C + 1e-12 * np.eye(len(C)))
 
 
 def steady(
@@ -239,8 +237,7 @@ def _beside(when: Array, values: Array) -> Array:
     """Values ``(m,)`` less a polynomial in time."""
     t = when - when.mean()
     Q, _ = np.linalg.qr(np.vander(t / np.abs(t).max(), POLYNOMIAL_ORDER + 1))
-    result: Array = values - Q @ (Q.T @ values)
-    return result
+    return values - Q @ (Q.T @ values)
 
 
 SLOWEST, FASTEST = numerical(-18.0), numerical(6.0)
@@ -254,9 +251,6 @@ def smoothed(temperature: Array, noise: float) -> Array:
     The walk's variance per reading is the most likely one. The smoother is that of Rauch, Tung and Striebel (AIAA
     J. 3 (1965) 1445) for the local level model. Readings of the ``temperature`` (n,) are in the order in which they
     were taken, °C, each of a standard deviation ``noise``, K; zero leaves them as they are.
-
-    Returns:
-        ``(n,)`` °C.
     """
     if noise <= 0.0 or len(temperature) < 2:
         return temperature
@@ -266,8 +260,7 @@ def smoothed(temperature: Array, noise: float) -> Array:
     level, variance, _ = _filtered(seen, walk)
     for k in range(len(level) - 2, -1, -1):
         level[k] += variance[k] / (variance[k] + walk) * (level[k + 1] - level[k])
-    result: Array = noise * level
-    return result
+    return noise * level
 
 
 def _filtered(seen: Array, walk: float) -> tuple[Array, Array, float]:
@@ -324,8 +317,7 @@ class Observed:
     @property
     def present(self) -> np.ndarray:
         """Which samples count ``(n, m)``."""
-        result: np.ndarray = ~np.isnan(self.wrench)
-        return result
+        return ~np.isnan(self.wrench)
 
     @property
     def wrench_channels(self) -> list[str]:
@@ -358,30 +350,41 @@ class Observed:
         return uncorrelated_noise(self.readings.sequence, self.present)
 
     @cached_property
-    def history(self) -> History:
-        """Clock, postures, lines of links, levers of the base, motions by joints; for chains of links that bend."""
-        machine = ModifiedChain(self.measurement.chain, self.measurement.engine)
-        labels = self.readings.posture.tolist()
-        places = {label: (machine.line(label), machine.lever(label)) for label in dict.fromkeys(labels)}
-        lines = {
-            link: np.array([own[label] for label in labels])
-            for link in links_of(machine.nominal)
-            for own in [{label: machine.line(label, link) for label in places}]
-        }
-        rays = [
-            (ray.posture, ray.direction, ray.measure, ray.index, self.pose[ray.index] @ ray.measure)
-            for ray in self.rays
-        ]
+    def unloaded(self) -> History:
+        """Clock, postures, lines of links, levers of the base, motions by joints, all of the unloaded machine."""
+        machine, labels = self._machine, self.readings.posture.tolist()
+
+        def each(of: Callable[[str], Array]) -> Array:
+            known = {label: of(label) for label in dict.fromkeys(labels)}
+            return np.array([known[label] for label in labels])
+
+        links = links_of(machine.nominal)
+        lines = {link: each(partial(machine.line, part=link)) for link in links}
         begins = np.ones(len(labels), dtype=bool)
         begins[1:] = self.readings.posture[1:] != self.readings.posture[:-1]
         return History(
             np.zeros(len(labels)) if self.clock is None else self.clock,
             begins,
-            np.array([places[label][0] for label in labels]),
-            np.array([places[label][1] for label in labels]) + self.pose[:, :3],
+            lines[links[-1]] if links else np.zeros((len(labels), 3)),
+            each(machine.lever),
             lines,
-            *motions_of_readings(machine, labels, rays),
+            motions_of_readings(machine, labels, ())[0],
         )
+
+    @cached_property
+    def history(self) -> History:
+        """The same of the machine displaced as it was, where displacements were imposed."""
+        rays = [
+            (ray.posture, ray.direction, ray.measure, ray.index, self.pose[ray.index] @ ray.measure)
+            for ray in self.rays
+        ]
+        motions, loaded = motions_of_readings(self._machine, self.readings.posture.tolist(), rays)
+        lever = self.unloaded.lever + self.pose[:, :3]
+        return replace(self.unloaded, lever=lever, joints=motions, loaded=loaded)
+
+    @property
+    def _machine(self) -> ModifiedChain:
+        return ModifiedChain(self.measurement.chain, self.measurement.engine)
 
     def without(self, outliers: np.ndarray) -> Observed:
         """The same with samples ``(n, 6)`` left out."""
@@ -467,12 +470,16 @@ def planned(observed: Observed, posture: str, axis: Array, ramp: Array) -> Obser
     )
 
 
-def _rays(measurement: Measurement, readings: Readings, pose: Array, noise: Noise) -> tuple[Ray, ...]:
+def _rays(
+    measurement: Measurement, readings: Readings, imposed: Array, noise: Noise, names: tuple[str, ...] = POSE
+) -> tuple[Ray, ...]:
     """Rays by posture and run: repeats may leave a bifurcation on different sides."""
     sigma = {n.subject: n.sigma for n in measurement.nuisances if n.kind is Kind.ZERO}
-    zero = np.array([sigma.get(name, 0.0) for name in POSE])
+    zero = np.array([sigma.get(name, 0.0) for name in names])
     groups = np.array([f"{p} {r}" for p, r in zip(readings.posture, readings.run, strict=True)])
-    grouped = rays(groups, pose, np.hypot(noise.pose, zero), measurement.chain.characteristic_length)
+    length = measurement.chain.characteristic_length
+    # a moment counts as the force that it is at the longest part's end
+    grouped = rays(groups, imposed, np.hypot(noise.pose, zero), length if names is POSE else 1.0 / length)
     return tuple(Ray(r.posture.rpartition(" ")[0], r.direction, r.measure, r.index) for r in grouped)
 
 
@@ -541,18 +548,13 @@ def observe_loads(measurement: Measurement) -> Observed:
     usable = np.flatnonzero(~np.isnan(imposed).any(axis=1) & ~np.isnan(read).all(axis=1))
     readings, imposed, read = readings.only(usable), imposed[usable], read[usable]
     noise = noise_of(measurement, WRENCH, columns)
-    zeros = {n.subject: n.sigma for n in measurement.nuisances if n.kind is Kind.ZERO}
-    sigma = np.hypot(noise.pose, [zeros.get(name, 0.0) for name in WRENCH])
-    groups = np.array([f"{p} {r}" for p, r in zip(readings.posture, readings.run, strict=True)])
-    # a moment counts as the force that it is at the longest part's end
-    grouped = rays(groups, imposed, sigma, 1.0 / measurement.chain.characteristic_length)
     return Observed(
         measurement,
         readings,
         imposed,
         read,
         noise,
-        tuple(Ray(r.posture.rpartition(" ")[0], r.direction, r.measure, r.index) for r in grouped),
+        _rays(measurement, readings, imposed, noise, WRENCH),
         since_first(readings.values.get(TIME)),
         since_first(temperature_of(measurement, readings)),
         {name: k for k, name in enumerate(WRENCH) if name in readings.values},

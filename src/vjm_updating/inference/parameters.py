@@ -72,8 +72,7 @@ class Coordinate:
 
 def uncertain(unknowns: Sequence[Coordinate]) -> np.ndarray:
     """Which of coordinates ``(n_z,)`` the sheet does not give exactly."""
-    result: np.ndarray = np.array([c.sigma != 0.0 for c in unknowns], dtype=bool)
-    return result
+    return np.array([c.sigma != 0.0 for c in unknowns], dtype=bool)
 
 
 def instrument_errors(
@@ -115,8 +114,7 @@ class Evaluation:
     @property
     def sensitivity(self) -> Array:
         """By how much residuals grow ``(n, 6, 6)`` with what the displacement's gauges read too much."""
-        result: Array = self.errors.gain[:, None] * self.stiffness / self.errors.gain_u
-        return result
+        return self.errors.gain[:, None] * self.stiffness / self.errors.gain_u
 
     def slope(self, kind: str, channel: str, slots: Mapping[str, int]) -> Array:
         """Derivative ``(n, 6)`` of the residuals by a zero, in its unit, or by a scale error.
@@ -320,5 +318,4 @@ def start(
         if release_key(effect) is None:
             z += [q.coordinate(v) for q, v in zip(effect.quantities(), own, strict=True)]
     low, high = (np.array([getattr(c, end) for c in unknowns]) for end in ("low", "high"))
-    result: Array = np.clip(np.array(z), low, high)
-    return result
+    return np.clip(np.array(z), low, high)

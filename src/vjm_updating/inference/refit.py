@@ -68,8 +68,7 @@ def standing_out(observed: Observed, residual: Array, factors: Array) -> np.ndar
     # one channel that is off spoils what the others are expected to be: of several the worst
     size = np.abs(outliers)
     way = np.where(size == size.max(axis=1, keepdims=True), np.sign(outliers), 0.0)
-    result: np.ndarray = _few(observed, way, loads(observed, residual)) != 0.0
-    return result
+    return _few(observed, way, loads(observed, residual)) != 0.0
 
 
 def deleted(whitening: Whitening, residual: Array) -> Array:
@@ -91,8 +90,7 @@ def loads(observed: Observed, residual: Array) -> Array:
 
     ``residual`` (n, 6) is reading minus model, of every reading.
     """
-    result: Array = (observed.wrench - residual) / observed.noise.wrench
-    return result
+    return (observed.wrench - residual) / observed.noise.wrench
 
 
 def outlying(observed: Observed, whitening: Whitening, residual: Array, known: Array, load: Array) -> Array:
@@ -245,7 +243,9 @@ def estimate_autocorrelation(
     # twice the negative logarithm of the priors: of a channel's value (rows) beside the common one, and of that
     grid = np.array(GRID)
     apart, off = ((grid[:, None] - grid) / ALIKE) ** 2, ((grid - USUAL) / WIDE) ** 2
-    of_share = by_share - 2.0 * _log_prior_of_shares()
+    # of the shares none is as probable as any other, of which all are alike
+    cells = np.gradient(SHARES)[1:]
+    of_share = by_share - 2.0 * np.log(0.5 * np.concatenate([[1.0], cells / cells.sum()]))
     if not quiet.all() and _white(-2.0 * logsumexp(-0.5 * of_share[~quiet], axis=2), apart, off):
         return uncorrelated
     shares = np.where(quiet, 0, [_white_share(cost, off) for cost in of_share])
@@ -259,12 +259,6 @@ def estimate_autocorrelation(
     for c, cost, nothing in zip(channels, costs + apart[:, common], quiet, strict=True):
         rho[c] = USUAL if nothing else _least(grid, cost)
     return replace(autoregression, rho=rho, white=white)
-
-
-def _log_prior_of_shares() -> Array:
-    """Logarithm of the prior ``(w,)`` of `SHARES`: none as probable as any other, of which all are alike."""
-    cells = np.gradient(SHARES)[1:]
-    return np.log(0.5 * np.concatenate([[1.0], cells / cells.sum()]))
 
 
 def _white_share(costs: Array, off: Array) -> int:

@@ -11,7 +11,7 @@ from math import log
 from typing import Any
 
 import numpy as np
-from scipy.special import chdtrc, chdtri, fdtrc, ndtr, ndtri, stdtrit
+from scipy.special import chdtrc, chdtri, fdtrc, ndtri, stdtrit
 
 from vjm.rotations import Array
 from vjm_updating.constants import definition, numerical, prior_scale, stated_level
@@ -31,11 +31,6 @@ def chi2_isf(chance: float, freedom: float) -> float:
     return float(chdtri(freedom, chance))
 
 
-def normal_sf(x: Any) -> Any:  # noqa: ANN401
-    """Chance that a standard normal number is above ``x``; of numpy's shape."""
-    return ndtr(np.negative(x))
-
-
 def normal_isf(chance: float) -> float:
     """What a standard normal number is above with this chance."""
     return -float(ndtri(chance))
@@ -43,8 +38,7 @@ def normal_isf(chance: float) -> float:
 
 def normal_quantile(chances: Array) -> Array:
     """What a standard normal number is below with these chances; of their shape."""
-    result: Array = ndtri(chances)
-    return result
+    return ndtri(chances)
 
 
 def student_isf(chance: float, freedom: float) -> float:
@@ -85,8 +79,7 @@ def drawn_sf(count: np.ndarray, total: int, marked: int, drawn: np.ndarray) -> A
     log = np.concatenate([np.zeros_like(N), log], axis=1)
     weight = np.exp(log - log.max(axis=1, keepdims=True))
     tail = np.where(x >= np.asarray(count)[:, None], weight, 0.0)
-    result: Array = tail.sum(axis=1) / weight.sum(axis=1)
-    return result
+    return tail.sum(axis=1) / weight.sum(axis=1)
 
 
 def latin_hypercube(points: int, dimensions: int, seed: int) -> Array:
@@ -99,8 +92,7 @@ def latin_hypercube(points: int, dimensions: int, seed: int) -> Array:
     place = np.tile(np.arange(1, points + 1), (dimensions, 1))
     for row in place:
         rng.shuffle(row)
-    result: Array = (place.T - within) / points
-    return result
+    return (place.T - within) / points
 
 
 FALSE_ALARMS = stated_level(0.004)
@@ -218,13 +210,10 @@ class PairedGain:
 
 
 def paired_gain(before: Array, after: Array, block: np.ndarray, weight: Array) -> PairedGain | None:
-    """Compare the errors of two predictions of the same readings.
+    """Compare the errors of two predictions of the same readings; None where there is nothing to compare.
 
     ``before`` and ``after`` (g, k) are errors in any unit, nan where there is none, of readings of ``weight``
     (g, k); ``block`` (g,) has the number of each row's block.
-
-    Returns:
-        None where there is nothing to compare.
     """
     both = np.isfinite(before) & np.isfinite(after)
     if not both.any():

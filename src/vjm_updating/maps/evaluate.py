@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import pickle
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from functools import cached_property, lru_cache
@@ -11,7 +10,7 @@ from typing import NamedTuple, assert_never
 
 import numpy as np
 
-from vjm.analysis import of_free_end, stiffness
+from vjm.analysis import LoadedStiffness, of_free_end, stiffness
 from vjm.design.linear_state import LinearState, Question, question, state_in, state_of, with_doubts
 from vjm.design.modes import ModesVerdict, modes_of
 from vjm.design.shares import shares_of
@@ -99,112 +98,6 @@ def moved(displacements: Array) -> Array:
     return np.column_stack([displacements, np.linalg.norm(displacements[:, :3], axis=1)])
 
 
-# --- Lowest natural frequencies and largest compliance shares of a machine, posture by posture --------------------
-
-
-class DesignMapRow(NamedTuple):
-    """What a posture has.
-
-    Attributes:
-        why: ``ok``, or why there is no value.
-        value: the lowest frequency, Hz, or the largest share as a fraction; nan where there is none.
-        part: name of the part with the largest share; empty for a frequency.
-        kind: of what deflects in it, see `Share`.
-    """
-
-    why: str
-    value: float = float("nan")
-    part: str = ""
-    kind: str = ""
-
-
-@single_threaded
-def design_rows(
-    engine: VjmEngine,
-    model: Mechanism,
-    q: Array,
-    machines: Sequence[tuple[Machine, str]],
-    quantity: MapQuantity,
-    *,
-    wrench: Sequence[float] = (0.0,) * 6,
-    gravity: Gravity | None = None,
-    loads: Sequence[Load] = (),
-    end: str = "",
-    progress: Callable[[int, int], None] | None = None,
-) -> list[DesignMapRow]:
-    """The lowest natural frequency, or the largest share in the strain energy, in many postures.
-
-    All loaded equilibria are found in one batch.
-
-    Args:
-        engine: that splits the beams.
-        model: the machine with that engine's springs.
-        q: coordinates ``(g, n_joints)``.
-        machines: g machines that stand so, and the label of the posture.
-        quantity: `MapQuantity.FREQUENCY` or `MapQuantity.SHARES`.
-        wrench: ``(6,)`` on the end, N, N mm.
-        gravity: m/s².
-        loads: on parts, in full.
-        end: name of the end frame; the first where it is empty.
-        progress: called with the postures that are done, and of how many.
-
-    Raises:
-        ValueError: the wrench is not six finite numbers, or a load is on no point of the machine.
-    """
-    on_ends = np.zeros((len(model.ends), 6))
-    on_ends[model.ends.index(end) if end else 0] = wrench
-    equilibria, doubtful = with_doubts(model, q, gravity=gravity, wrench=on_ends, loads=loads, compliance=False)
-    rows: list[DesignMapRow] = []
-    for row, (machine, label) in enumerate(machines):
-        asked = question(machine, label, wrench=wrench, gravity=gravity, loads=loads, end=end, engine=engine)
-        try:
-            state = state_of(asked) if doubtful[row] else state_in(asked, equilibria, row)
-            rows.append((_lowest if quantity is MapQuantity.FREQUENCY else _largest)(asked, state))
-        except NoConvergenceError as error:
-            rows.append(DesignMapRow(lost_by(error)))
-        except ValueError as error:
-            said = str(error).removeprefix(machine.name).removeprefix(f", posture {label}").removeprefix(": ")
-            rows.append(DesignMapRow(said))
-        if progress is not None:
-            progress(row + 1, len(machines))
-    return rows
-
-
-def _lowest(asked: Question, state: LinearState) -> DesignMapRow:
-    """Lowest natural frequency, Hz.
-
-    Raises:
-        ValueError: as `modes_of`.
-    """
-    if state.conservative and not state.stable:
-        return DesignMapRow(UNSTABLE)
-    # loads without a potential: any motion may be the one that grows, and the motions alone tell whether one does
-    modes = modes_of(state, 1 if state.conservative else state.n)
-    if modes.verdict in (ModesVerdict.DIVERGENCE, ModesVerdict.FLUTTER):
-        return DesignMapRow(f"{UNSTABLE}: {modes.verdict}")
-    return DesignMapRow(OK, float(modes.frequencies.min()))
-
-
-def _largest(asked: Question, state: LinearState) -> DesignMapRow:
-    """Largest share in the linear strain energy, and the part and the kind that has it.
-
-    Raises:
-        ValueError: as `shares_of`.
-        NoConvergenceError: there is no equilibrium without loads.
-    """
-    if not state.stable:
-        return DesignMapRow(UNSTABLE)
-    shares = shares_of(state_of(asked.unloaded, state), asked, state, both=False)
-    energies = shares.energies
-    if np.isnan(energies).all():
-        return DesignMapRow("nothing deflects under these loads")
-    worst = int(np.argmax(energies))
-    return DesignMapRow(OK, float(energies[worst]), shares.rows[worst].part, shares.rows[worst].kind)
-
-
-# ------------------------------------------------------------------------------------------------------------------
-
-
 # --- What a map asks, by any engine, posture by posture -----------------------------------------------------------
 
 
@@ -229,50 +122,6 @@ def refuse(engine: Engine, quantity: MapQuantity) -> None:
 
 LINEAR = tuple(name for name, limits in LIMITS.items() if any("linear" in limit.why for limit in limits))
 """Engines that are linear about the unloaded machine."""
-
-
-def rows_by(
-    engine: Engine,
-    machines: Sequence[tuple[Machine, str]],
-    quantity: MapQuantity,
-    wrench: Sequence[float],
-    progress: Callable[[int, int], None] | None = None,
-) -> tuple[Array, list[str]]:
-    """Values of a quantity by an engine.
-
-    Args:
-        engine: any that computes a 6×6 stiffness.
-        machines: each with the label of the posture that it is asked in.
-        quantity: stiffness or deflection.
-        wrench: ``(6,)`` on the free end-effector, N and N mm.
-        progress: called with the postures that are done, and of how many.
-
-    Returns:
-        ``(g, k)`` in the order of `COLUMNS`, nan where there is no answer; and `OK`, or why there is none.
-
-    Raises:
-        ValueError: another quantity is asked for.
-    """
-    refuse(engine, quantity)
-    values, why = np.full((len(machines), len(COLUMNS[quantity])), np.nan), []
-    for k, (machine, label) in enumerate(machines):
-        try:
-            result = stiffness(machine, label, wrench=wrench, engine=engine)
-            if quantity is MapQuantity.DEFLECTION:
-                values[k] = moved(result.displacement[None])[0]
-            else:
-                C = result.loaded_compliance
-                compliance: Array = np.asarray(np.linalg.inv(result.loaded), dtype=float) if C is None else C
-                values[k] = principal(compliance[None])[0]
-            why.append(OK)
-        except (ValueError, NoConvergenceError, np.linalg.LinAlgError) as error:
-            why.append(" ".join(str(error).split()))
-        if progress is not None:
-            progress(k + 1, len(machines))
-    return values, why
-
-
-# ------------------------------------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
@@ -311,6 +160,13 @@ class MapSetting:
     def index(self) -> int:
         """Number of the end frame."""
         return end_index(self.model, self.end)
+
+    @property
+    def on_ends(self) -> Array:
+        """The wrench on its end among those ``(e, 6)`` on all."""
+        result = np.zeros((len(self.model.ends), 6))
+        result[self.index] = self.wrench
+        return result
 
     def standing(self, q: Array) -> tuple[Machine, str]:
         """The machine with one posture, of coordinates ``(n_joints,)``, and its label."""
@@ -367,12 +223,9 @@ class MapRows(NamedTuple):
 
 def evaluate(task: MapTask) -> MapRows:
     """The rows of a task; a point without an answer says why and stops no other."""
-    setting = _kept(pickle.dumps(task.setting))
-    engine, names = setting.engine, list[tuple[str, str]]()
-    if not isinstance(engine, VjmEngine):
-        machines = [setting.standing(row) for row in task.q]
-        values, why = rows_by(engine, machines, setting.quantity, setting.wrench)
-        return MapRows(task.number, values, why, names)
+    setting, names = _kept(pickle.dumps(task.setting)), list[tuple[str, str]]()
+    if not isinstance(setting.engine, VjmEngine):
+        return MapRows(task.number, *_by_engine(setting, task.q), names)
     match setting.quantity:
         case MapQuantity.STIFFNESS | MapQuantity.DEFLECTION:
             values, why = _equilibria(setting, task.q)
@@ -383,13 +236,7 @@ def evaluate(task: MapTask) -> MapRows:
             weak = search.each(task.q)
             values, why = np.array([[one.force, *one.direction] for one in weak]), [one.why or OK for one in weak]
         case MapQuantity.FREQUENCY | MapQuantity.SHARES:
-            rows = design_rows(
-                engine, setting.model, task.q, [setting.standing(row) for row in task.q], setting.quantity,
-                wrench=setting.wrench, gravity=setting.gravity, loads=setting.loads, end=setting.end,
-            )  # fmt: skip
-            values, why = np.array([[row.value] for row in rows]), [row.why for row in rows]
-            if setting.quantity is MapQuantity.SHARES:
-                names = [(row.part, row.kind) for row in rows]
+            values, why, names = _of_design(setting, task.q)
         case _:
             assert_never(setting.quantity)
     return MapRows(task.number, values, why, names)
@@ -398,17 +245,103 @@ def evaluate(task: MapTask) -> MapRows:
 @lru_cache(maxsize=4)
 def _kept(pickled: bytes) -> MapSetting:
     """A setting with its model, which tasks bring along one after another."""
-    setting: MapSetting = pickle.loads(pickled)
-    return setting
+    return pickle.loads(pickled)
+
+
+def _by_engine(setting: MapSetting, q: Array) -> tuple[Array, list[str]]:
+    """Stiffness or deflection by an engine that goes from point to point.
+
+    Raises:
+        ValueError: another quantity is asked for.
+    """
+    refuse(setting.engine, setting.quantity)
+    values, why = np.full((len(q), len(COLUMNS[setting.quantity])), np.nan), []
+    for k, row in enumerate(q):
+        machine, label = setting.standing(row)
+        try:
+            values[k] = _row(setting, stiffness(machine, label, wrench=setting.wrench, engine=setting.engine))
+            why.append(OK)
+        except (ValueError, NoConvergenceError, np.linalg.LinAlgError) as error:
+            why.append(" ".join(str(error).split()))
+    return values, why
+
+
+def _row(setting: MapSetting, result: LoadedStiffness) -> Array:
+    """Stiffness or deflection at one point."""
+    if setting.quantity is MapQuantity.DEFLECTION:
+        return moved(result.displacement[None])[0]
+    C = result.loaded_compliance
+    return principal((np.asarray(np.linalg.inv(result.loaded), dtype=float) if C is None else C)[None])[0]
+
+
+@single_threaded
+def _of_design(setting: MapSetting, q: Array) -> tuple[Array, list[str], list[tuple[str, str]]]:
+    """Lowest natural frequencies, or largest shares in the strain energy with the part and the kind that has each.
+
+    All loaded equilibria are found in one batch.
+    """
+    assert isinstance(setting.engine, VjmEngine)
+    equilibria, doubtful = with_doubts(
+        setting.model, q, gravity=setting.gravity, wrench=setting.on_ends, loads=setting.loads, compliance=False
+    )
+    values, why, names = np.full((len(q), 1), np.nan), [OK] * len(q), [("", "")] * len(q)
+    for row in range(len(q)):
+        machine, label = setting.standing(q[row])
+        asked = question(
+            machine, label, wrench=setting.wrench, gravity=setting.gravity, loads=setting.loads, end=setting.end,
+            engine=setting.engine,
+        )  # fmt: skip
+        try:
+            state = state_of(asked) if doubtful[row] else state_in(asked, equilibria, row)
+            if setting.quantity is MapQuantity.FREQUENCY:
+                values[row] = _lowest(state)
+            else:
+                values[row], part, kind = _largest(asked, state)
+                names[row] = part, kind
+        except NoConvergenceError as error:
+            why[row] = lost_by(error)
+        except ValueError as error:
+            why[row] = str(error).removeprefix(machine.name).removeprefix(f", posture {label}").removeprefix(": ")
+    return values, why, names if setting.quantity is MapQuantity.SHARES else []
+
+
+def _lowest(state: LinearState) -> float:
+    """Lowest natural frequency, Hz.
+
+    Raises:
+        ValueError: as `modes_of`, or the equilibrium is unstable.
+    """
+    if state.conservative and not state.stable:
+        raise ValueError(UNSTABLE)
+    # loads without a potential: any motion may be the one that grows, and the motions alone tell whether one does
+    modes = modes_of(state, 1 if state.conservative else state.n)
+    if modes.verdict in (ModesVerdict.DIVERGENCE, ModesVerdict.FLUTTER):
+        raise ValueError(f"{UNSTABLE}: {modes.verdict}")
+    return float(modes.frequencies.min())
+
+
+def _largest(asked: Question, state: LinearState) -> tuple[float, str, str]:
+    """Largest share in the linear strain energy, and the part and the kind that has it.
+
+    Raises:
+        ValueError: as `shares_of`, or the equilibrium is unstable, or nothing deflects.
+        NoConvergenceError: there is no equilibrium without loads.
+    """
+    if not state.stable:
+        raise ValueError(UNSTABLE)
+    shares = shares_of(state_of(asked.unloaded, state), asked, state, both=False)
+    energies = shares.energies
+    if np.isnan(energies).all():
+        raise ValueError("nothing deflects under these loads")
+    worst = int(np.argmax(energies))
+    return float(energies[worst]), shares.rows[worst].part, shares.rows[worst].kind
 
 
 def _equilibria(setting: MapSetting, q: Array) -> tuple[Array, list[str]]:
     """Stiffness or deflection of all points in one batch."""
-    on_ends = np.zeros((len(setting.model.ends), 6))
-    on_ends[setting.index] = setting.wrench
     stiff = setting.quantity is MapQuantity.STIFFNESS
     equilibria, doubtful = with_doubts(
-        setting.model, q, gravity=setting.gravity, wrench=on_ends, loads=setting.loads, compliance=stiff
+        setting.model, q, gravity=setting.gravity, wrench=setting.on_ends, loads=setting.loads, compliance=stiff
     )
     good = np.asarray(equilibria.found & equilibria.stable)
     values = np.full((len(q), len(COLUMNS[setting.quantity])), np.nan)
@@ -437,7 +370,4 @@ def _by_path(setting: MapSetting, q: Array) -> tuple[Array, str]:
         )  # fmt: skip
     except NoConvergenceError as error:
         return np.full(len(COLUMNS[setting.quantity]), np.nan), lost_by(error)
-    if setting.quantity is MapQuantity.DEFLECTION:
-        return moved(result.displacement[None])[0], OK
-    assert result.loaded_compliance is not None
-    return principal(result.loaded_compliance[None])[0], OK
+    return _row(setting, result), OK

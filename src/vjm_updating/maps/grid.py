@@ -103,8 +103,7 @@ def grid_origin(model: Mechanism, index: int = 0) -> Array:
     """Place ``(3,)`` from which a grid counts places of an end frame, mm, world: home for a machine with poses."""
     if not model.chain.poses:
         return np.zeros(3)
-    place: Array = unloaded_frames(model, model.posture(next(iter(model.chain.postures))))[1][0, index]
-    return place
+    return unloaded_frames(model, model.posture(next(iter(model.chain.postures))))[1][0, index]
 
 
 @dataclass(frozen=True)
@@ -182,8 +181,7 @@ def _places(model: Mechanism, grid: MapGrid, home: Array, index: int, origin: Ar
     """Places ``(g, 3)`` of a grid, mm, world."""
     p = unloaded_frames(model, home)[1][0, index]
     axes = [grid.axes.get(name, (float(p[k] - origin[k]),)) for k, name in enumerate(TOOL)]
-    result: Array = origin + np.array(list(product(*axes)))
-    return result
+    return origin + np.array(list(product(*axes)))
 
 
 def _at_places(model: Mechanism, positions: Array, home: Array, index: int) -> tuple[Array, list[str]]:

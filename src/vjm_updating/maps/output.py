@@ -26,33 +26,42 @@ from vjm_updating.maps.run import MapResult
 
 @dataclass(frozen=True)
 class Difference:
-    """How far two engines are apart.
+    """How far the maps of two engines over one grid are apart, by their shown columns."""
 
-    Attributes:
-        engine: label of the first.
-        against: label of the second.
-        quantity: of both.
-        axes: coordinates of the grid by name, in the order of the poses, the last running fastest.
-        places: ``(g, 3)`` mm.
-        first: shown column ``(g,)`` of the first.
-        second: likewise of the second.
-        why: why there is no difference, or ``ok``.
-    """
+    first: MapResult
+    second: MapResult
 
-    engine: str
-    against: str
-    quantity: MapQuantity
-    axes: Mapping[str, Sequence[float]]
-    places: Array
-    first: Array
-    second: Array
-    why: Sequence[str]
+    @property
+    def labels(self) -> tuple[str, str]:
+        """Of the engines."""
+        return self.first.map.setting.engine.label, self.against
+
+    @property
+    def against(self) -> str:
+        """Label of the second engine."""
+        return self.second.map.setting.engine.label
+
+    @property
+    def why(self) -> list[str]:
+        """``(g,)`` ``ok``, or which engine has no value and why."""
+        labels, pairs = self.labels, zip(self.first.why, self.second.why, strict=True)
+        return [
+            next((f"{label}: {own}" for label, own in zip(labels, pair, strict=True) if own != OK), OK)
+            for pair in pairs
+        ]
+
+    @property
+    def both(self) -> tuple[Array, Array]:
+        """Shown columns ``(g,)`` of the two."""
+        shown = SHOWN[self.first.map.setting.quantity]
+        return self.first.values[:, shown], self.second.values[:, shown]
 
     @property
     def percent(self) -> Array:
         """``(g,)`` of the second; nan where one of them has no value."""
+        first, second = self.both
         with np.errstate(divide="ignore", invalid="ignore"):
-            result: Array = 100.0 * (self.first - self.second) / np.abs(self.second)
+            result: Array = 100.0 * (first - second) / np.abs(second)
         result[~np.isfinite(result)] = np.nan
         return result
 
@@ -63,67 +72,31 @@ class Difference:
         if not np.isfinite(percent).any():
             return f"difference to {self.against}: no pose has a value by both"
         worst = int(np.nanargmax(np.abs(percent)))
-        place = ", ".join(f"{v:.6g}" for v in self.places[worst])
+        place = ", ".join(f"{v:.6g}" for v in self.first.map.points.places[worst])
         return (
             f"difference to {self.against}: {np.nanmean(np.abs(percent)):.3g} % on average, "
             f"{percent[worst]:+.3g} % at the worst pose, ({place}) mm"
         )
 
 
-def difference_of(
-    engines: tuple[str, str], quantity: MapQuantity, axes: Mapping[str, Sequence[float]], places: Array,
-    values: tuple[Array, Array], why: tuple[Sequence[str], Sequence[str]],
-) -> Difference:  # fmt: skip
-    """The difference of two maps over one grid.
-
-    Args:
-        engines: labels.
-        quantity: of both.
-        axes: see `Difference`.
-        places: likewise.
-        values: ``(g, k)`` of each.
-        why: of each.
-    """
-    shown = SHOWN[quantity]
-    reasons = [
-        OK if a == b == OK else f"{engines[0]}: {a}" if a != OK else f"{engines[1]}: {b}"
-        for a, b in zip(*why, strict=True)
-    ]
-    return Difference(*engines, quantity, axes, places, values[0][:, shown], values[1][:, shown], reasons)
-
-
 def write_difference(difference: Difference, folder: Path) -> tuple[list[Path], list[str]]:
-    """Write ``difference.csv`` and ``difference.png``.
-
-    Returns:
-        The files, and for one that is left out a line that says why.
-    """
-    name, stream = COLUMNS[difference.quantity][SHOWN[difference.quantity]], io.StringIO()
+    """Write ``difference.csv`` and ``difference.png``: the files, and a line that says why one is left out."""
+    quantity, points = difference.first.map.setting.quantity, difference.first.map.points
+    name, stream = COLUMNS[quantity][SHOWN[quantity]], io.StringIO()
     writer = csv.writer(stream, lineterminator="\n")
-    writer.writerow(
-        [
-            "x_mm",
-            "y_mm",
-            "z_mm",
-            f"{name}:{difference.engine}",
-            f"{name}:{difference.against}",
-            "difference_percent",
-            "status",
-        ]
-    )
-    for place, a, b, percent, why in zip(
-        difference.places, difference.first, difference.second, difference.percent, difference.why, strict=True
-    ):
-        numbers = (*place, a, b, percent)
-        writer.writerow([*(f"{v:.9g}" if np.isfinite(v) else "" for v in numbers), why])
+    columns = (f"{name}:{label}" for label in difference.labels)
+    writer.writerow(["x_mm", "y_mm", "z_mm", *columns, "difference_percent", "status"])
+    percent = difference.percent
+    rows = np.column_stack([points.places, *difference.both, percent])
+    for row, why in zip(rows, difference.why, strict=True):
+        writer.writerow([*(f"{v:.9g}" if np.isfinite(v) else "" for v in row), why])
     files = [folder / "difference.csv"]
     write_whole(files[0], stream.getvalue())
-    title = f"{difference.engine} against {difference.against}"
-    label = f"difference of the {TITLES[difference.quantity].split(',')[0]}, %"
+    title, axes = " against ".join(difference.labels), points.grid.ordered
+    label = f"difference of the {TITLES[quantity].split(',')[0]}, %"
     drawn, left_out = _drawn(
-        folder / "difference.png", difference.axes,
-        lambda: _picture(difference.axes, [(title, difference.percent)], label, spread=True),
-    )  # fmt: skip
+        folder / "difference.png", axes, lambda: _picture(axes, [(title, percent)], label, spread=True)
+    )
     return [*files, *drawn], left_out
 
 
@@ -135,10 +108,8 @@ def write_planes(
 ) -> tuple[list[Path], list[str]]:
     """Write a figure of one map, or of those of several wrenches on one scale.
 
-    ``panels`` are titles, values (g, k), and g parts and kinds where the quantity has them.
-
-    Returns:
-        The file, or a line that says why it is left out.
+    ``axes`` are coordinates of the grid by name, the last running fastest; ``panels`` are titles, values (g, k),
+    and g parts and kinds where the quantity has them. Returned are the file, or a line that says why there is none.
     """
     shown = [(title, values[:, SHOWN[quantity]]) for title, values, _ in panels]
     if quantity is not MapQuantity.SHARES:
@@ -183,8 +154,7 @@ class _Plane:
     def cut(self, values: Array) -> Array:
         """Of values ``(g, …)`` those on the plane, along the varied axes."""
         cube = values.reshape(*(len(each) for each in self.axes.values()), *values.shape[1:])
-        result: Array = cube[tuple(slice(None) if n in self.varied else self.middle.get(n, 0) for n in self.axes)]
-        return result
+        return cube[tuple(slice(None) if n in self.varied else self.middle.get(n, 0) for n in self.axes)]
 
 
 def _picture(

@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
-from matplotlib.figure import Figure
 
 from vjm.rotations import Array
 from vjm_output import optional_drawing
@@ -42,13 +41,10 @@ def map_figure(result: MapResult) -> bytes:
         axes[0].set_ylabel("y, mm")
         fig.colorbar(image, ax=axes, label=TITLES[wanted.setting.quantity], shrink=0.8)
         missing = sum(why != OK for why in result.why)
-        _subtitle(fig, f"{wanted.setting.machine.title}: {wanted.setting.engine.label}", missing)
+        white = f"; {missing} points without an answer are white" if missing else ""
+        title = plain(f"{wanted.setting.machine.title}: {wanted.setting.engine.label}")
+        fig.suptitle(title + white, fontsize=8.5)
         return png(fig)
-
-
-def _subtitle(fig: Figure, text: str, missing: int) -> None:
-    white = f"; {missing} points without an answer are white" if missing else ""
-    fig.suptitle(plain(text) + white, fontsize=8.5)
 
 
 def _ends(centres: Array) -> tuple[float, float]:

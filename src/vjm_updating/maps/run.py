@@ -256,8 +256,7 @@ class MapResult(Outcome):
 
     def cube(self, column: int) -> Array:
         """One column over the grid, an axis for each of its own; nan where there is no answer."""
-        cube: Array = self.values[:, column].reshape(self.map.points.grid.shape)
-        return cube
+        return self.values[:, column].reshape(self.map.points.grid.shape)
 
 
 class MapStore:

@@ -57,5 +57,4 @@ def plug_in(path: Path) -> Maker:
     make = getattr(module, "effects", None)
     if not callable(make):
         raise ValueError(f"{path}: has no function effects(scene) that returns a list of effects")
-    result: Maker = make
-    return result
+    return make

@@ -110,8 +110,7 @@ class PathTable:
         """Derivative by the coordinate in which a piece is interpolated."""
         behind = self.s >= self.bifurcation
         factor = np.where(behind, 2.0 * np.sqrt(np.maximum(self.s - self.bifurcation, 0.0)), 1.0)
-        result: Array = self.slope * factor[:, None]
-        return result
+        return self.slope * factor[:, None]
 
     @cached_property
     def yielding(self) -> tuple[Array, Array, Array]:
@@ -152,7 +151,7 @@ class Sheaf:
 
     def at(self, u: Array) -> tuple[Array, Array]:
         """Wrenches ``(n, 6)`` and stiffnesses ``(n, 6, 6)`` at displacements ``(n, 6)``; linear off the rays."""
-        result: tuple[Array, Array] = looked_up(
+        return looked_up(
             self._packed,
             self._first,
             self._bifurcation,
@@ -161,7 +160,6 @@ class Sheaf:
             self.along,
             np.ascontiguousarray(u),
         )
-        return result
 
     def yielding(self, u: Array) -> tuple[Array, Array, Array, Array]:
         """Rotations of the passive joints at displacements ``(n, 6)``, see `PathTable.yielding`.
@@ -234,18 +232,15 @@ def first_force(machine: ModifiedChain, posture: str, direction: Array) -> Array
 def first_wrench(machine: ModifiedChain, posture: str, direction: Array) -> Array:
     """Wrench ``(6,)`` per unit of a ramp along ``direction`` (6,) with which the nominal machine begins it."""
     plain = ModifiedChain(machine.nominal, machine.engine)
-    result: Array = tabulate(plain, HalfRay.of(posture, direction, BEGUN), ()).slope[0]
-    return result
+    return tabulate(plain, HalfRay.of(posture, direction, BEGUN), ()).slope[0]
 
 
 def beside(machine: ModifiedChain, half: HalfRay, pulls: bool | AxialSigns, table: PathTable) -> PathTable | None:
     """The equilibria of a machine that differs from a table's by next to nothing, at the same places.
 
     Each by Newton's method from the table's own, so that no path is traced and no bifurcation looked for: enough
-    for a derivative, which is one of the implicit function.
-
-    Returns:
-        None where the machine is not that near: it has other coordinates, or equilibria of other stability.
+    for a derivative, which is one of the implicit function. None where the machine is not that near: it has other
+    coordinates, or equilibria of other stability.
     """
     problem = _problem(machine, half, pulls)
     if problem.model.size != table.x.shape[1]:
@@ -486,7 +481,8 @@ def load_table(
     bow = bowed(model, half.posture, machine.bow) if machine.bow else None
     if bow is not None:
         # the support's joints come behind the machine's own coordinates, before what closures bear
-        bow = np.insert(bow, model.coordinates, np.zeros(_support(model, load_case)))
+        support = LumpedProblem(model, load_case, "").model.size - model.size
+        bow = np.insert(bow, model.coordinates, np.zeros(support))
     problem = LumpedProblem(model, load_case, machine.engine.label, bow)
     held = [k for k, name in enumerate(COMPONENTS) if name not in free]
     # displacements count from the pose without any load, that of its own weight included
@@ -515,10 +511,6 @@ def load_table(
     return table
 
 
-def _support(model: Mechanism, load_case: LoadCase) -> int:
-    return LumpedProblem(model, load_case, "").model.size - model.size
-
-
 class _Probe:
     """A point of the machine: its displacement, and what coordinates do to it."""
 
@@ -529,8 +521,7 @@ class _Probe:
 
     def frame(self, k: Kinematics) -> Array:
         """Where it is ``(4, 4)``."""
-        result: Array = k.behind[self.joint + 1] @ self.offset
-        return result
+        return k.behind[self.joint + 1] @ self.offset
 
     def displacement(self, k: Kinematics) -> Array:
         """From its unloaded place ``(6,)``, mm, rad."""

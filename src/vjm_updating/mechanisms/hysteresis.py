@@ -38,11 +38,10 @@ def friction_torques(
     # a joint without friction never sticks
     elastic = np.divide(presliding, limits, out=np.zeros_like(limits), where=limits > 0.0)
     softer = np.ascontiguousarray(give + np.diag(elastic))
-    result: Array = friction_along(
+    return friction_along(
         np.ascontiguousarray(free), softer, np.ascontiguousarray(limits), begins, np.ascontiguousarray(rest),
         SWEEPS, ENOUGH,
     )  # fmt: skip
-    return result
 
 
 @dataclass(frozen=True)

@@ -118,8 +118,7 @@ class LoadMisalignment(Effect):
 
     def tilted(self, values: Sequence[float]) -> Array:
         """Unit vector ``(3,)`` along which the device really goes."""
-        result: Array = self.imposed(np.array([[*self.axis, 0.0, 0.0, 0.0]]), values)[0, :3]
-        return result
+        return self.imposed(np.array([[*self.axis, 0.0, 0.0, 0.0]]), values)[0, :3]
 
     def reported(self, values: Sequence[float], force: float) -> dict[str, float]:
         """Angle, and direction about the axis from the first direction across."""

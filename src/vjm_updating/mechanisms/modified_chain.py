@@ -211,8 +211,7 @@ class ModifiedChain:
         """Unit vector ``(3,)`` of the drive's axis, world axes; None where there is no drive before the joints."""
         if self.drive is None:
             return None
-        result: Array = self.nominal.base[:3, :3] @ np.asarray(self.drive.axis)
-        return result
+        return self.nominal.base[:3, :3] @ np.asarray(self.drive.axis)
 
     def line(self, posture: str, part: str = "") -> Array:
         """Unit vector ``(3,)`` along a beam, the last one by default, from its root to its tip, world axes.
@@ -248,7 +247,10 @@ class ModifiedChain:
     def axial_signs(self, posture: str, force: Array) -> AxialSigns:
         """What a force ``(3,)`` at the end-effector does to each part that differs between pull and push."""
         size = NEITHER * float(np.linalg.norm(force))
-        axial = [self._axial(posture, loaded_along(self.nominal, part), force) for part, _ in self.asymmetry]
+        links = links_of(self.nominal)
+        # the load of a foot is taken along the first link
+        lines = (part if part in links else links[0] for part, _ in self.asymmetry)
+        axial = [self._axial(posture, line, force) for line in lines]
         return tuple(int(np.sign(N)) if abs(N) >= size else 0 for N in axial)
 
     def _axial(self, posture: str, part: str, force: Array) -> float:
@@ -264,8 +266,7 @@ class ModifiedChain:
         """From the base's origin to the end-effector ``(3,)`` in the unloaded posture, mm, world axes."""
         model = ModifiedChain(self.nominal, self.engine).model(posture)
         end = model.kinematics(model.configuration(model.chain.posture(posture))).end
-        result: Array = end[:3, 3] - self.nominal.base[:3, 3]
-        return result
+        return end[:3, 3] - self.nominal.base[:3, 3]
 
 
 @lru_cache(maxsize=KEPT)
@@ -324,12 +325,6 @@ def link_of(chain: Machine) -> str:
     return links_of(chain)[-1]
 
 
-def loaded_along(chain: Machine, part: str) -> str:
-    """The link whose line a part's load is taken along: its own, or that of the first link for a foot."""
-    links = links_of(chain)
-    return part if part in links else links[0]
-
-
 def place_of(chain: Machine, link: str) -> str:
     """Word for a link where there are several; empty where it is the only one."""
     return link if len(links_of(chain)) > 1 else ""
@@ -381,5 +376,4 @@ def bowed(model: Mechanism, posture: str, bow: tuple[tuple[str, float, float], .
 
 
 def _turn(to: Array, current: Array) -> Array:
-    result: Array = sum((np.cross(current[:, k], to[:, k]) for k in range(3)), np.zeros(3))
-    return result
+    return sum((np.cross(current[:, k], to[:, k]) for k in range(3)), np.zeros(3))

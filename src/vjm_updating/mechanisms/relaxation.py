@@ -94,11 +94,10 @@ def relaxing(rays: Sequence[OnRay], history: History, relaxation: Relaxation) ->
     terms = shares, times, np.array(relaxation.shares), np.array(relaxation.times)
 
     def added(own: Array) -> Array:
-        result: Array = relaxed_wrenches(
+        return relaxed_wrenches(
             (s, reaction, motion), first, bifurcation, fall, stiff, along, both,
             np.einsum("ni,ni->n", own, measures), terms, step, history.begins,
         )  # fmt: skip
-        return result
 
     return added
 

@@ -247,8 +247,7 @@ def deflection(elements: Sequence[SeriesElement], wrench: Array, history: Histor
 
 def force_on(place: ElementSite, wrench: Array, history: History) -> Array:
     """What drives an element ``(n,)`` under wrenches ``(n, 6)``: N, where its extension is in mm."""
-    result: Array = np.einsum("ni,ni->n", place.pull(history), wrench)
-    return result
+    return np.einsum("ni,ni->n", place.pull(history), wrench)
 
 
 def balance(
@@ -349,10 +348,7 @@ def yielding(limit: float, compliance: float, grows: float = 0.0) -> Law:
     """
 
     def law(force: Array, history: History) -> tuple[Array, Array]:
-        flow: tuple[Array, Array] = flowing(
-            np.ascontiguousarray(force), history.begins, float(limit), float(compliance), float(grows)
-        )
-        return flow
+        return flowing(np.ascontiguousarray(force), history.begins, float(limit), float(compliance), float(grows))
 
     return law
 

@@ -15,7 +15,7 @@ from vjm.io.model_file import build_chain, load_chain, read_document
 from vjm.model.load_case import Load, LoadCase, PointControl
 from vjm.model.parameters import compliance_factor
 from vjm_updating.diagnosis.preprocess import prepare
-from vjm_updating.diagnosis.ramp_kind import critical_points, knee
+from vjm_updating.diagnosis.ramp_kind import RampTest, knee
 from vjm_updating.diagnosis.stress import fibre_of, first_yield
 from vjm_updating.experiment import read_measurement
 from vjm_updating.inference.fitting import best_fit
@@ -137,7 +137,7 @@ def test_the_critical_force_that_was_read_is_predicted_after(pushed_past_bucklin
     prepared = prepare(observe_ramps(read_measurement(data, sheet)))
     cause = next(effect for effect in prepared.effects if effect.cause == "link_compliance")
     fit = best_fit(prepared.fitter, (cause,), np.zeros(len(prepared.fitter.nuisances)), [[1.05]])
-    (pushed, pulled) = critical_points(prepared.fitter, prepared.null, fit)
+    (pushed, pulled) = RampTest().critical_points(prepared.fitter, prepared.null, fit)
     assert (pushed.direction, pulled.direction) == ("compression", "tension")
     # read off where two slopes meet, from readings 0.1 mm apart: 0.4 % off
     assert pushed.measured_N == pytest.approx(truth, rel=0.01)

@@ -216,9 +216,6 @@ def test_chi_squared(freedom):
 
 
 def test_normal():
-    x = np.array([-9.0, -1.0, 0.0, 0.5, 3.0, 9.0, 30.0])
-    np.testing.assert_allclose(d.normal_sf(x), stats.norm.sf(x), **SAME)
-    assert float(d.normal_sf(3.0)) == pytest.approx(1.3498980316300946e-3, rel=1e-12)
     for chance in (0.7, 0.3, 0.002, 1e-12, 1e-300):
         assert d.normal_isf(chance) == pytest.approx(stats.norm.isf(chance), rel=1e-12)
     chances = np.array([[0.1, 0.5], [0.975, 1e-8]])

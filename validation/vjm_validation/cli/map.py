@@ -24,7 +24,7 @@ from vjm_output import terminal
 from vjm_output.number_text import number
 from vjm_updating.maps.evaluate import COLUMNS, NAMES, OK, SHOWN, TITLES, MapQuantity, MapSetting
 from vjm_updating.maps.grid import parsed_grid, points_of
-from vjm_updating.maps.output import Difference, difference_of, write_difference, write_map, write_planes
+from vjm_updating.maps.output import Difference, write_difference, write_map, write_planes
 from vjm_updating.maps.run import MOST_N, REFINED, Map, MapResult, check_mapped, run_map
 from vjm_validation.cli import INTERRUPTED
 from vjm_validation.cli.options import (
@@ -82,11 +82,7 @@ def mapped(result: MapResult, folder: Path, second: MapResult | None = None) -> 
     files, left_out = write_map(result, folder)
     if second is None:
         return Mapped(result, files, left_out)
-    first, points = result.map.setting, result.map.points
-    apart = difference_of(
-        (first.engine.label, second.map.setting.engine.label), first.quantity, result.map.points.grid.ordered,
-        points.places, (result.values, second.values), (result.why, second.why),
-    )  # fmt: skip
+    apart = Difference(result, second)
     more, missing = write_difference(apart, folder)
     return Mapped(result, [*files, *more], [*left_out, *missing], apart)
 
