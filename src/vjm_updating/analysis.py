@@ -81,26 +81,22 @@ def diagnose(
                 "parts are, and no causes; test by loads, poses or deflections to diagnose"
             )
         case Measurement():
-            if len(beside) > 1:
-                raise ValueError(f"{data.sheet}: --beside takes one other specimen of a ramp: leave the others out")
+            _refuse(data, len(beside) > 1, "--beside takes one other specimen of a ramp: leave the others out")
             second = next((one.test for one in beside), None)
             if isinstance(second, PreparedTest | FrequencyMeasurement):
                 raise ValueError(
                     f"{data.sheet}: --beside takes a test of the same kind: {beside[0].sheet} is another"
                 )
-            ramps = diagnose_ramps(
+            return diagnose_ramps(
                 test, effects=effects, only=only, without=without, beside=second, strict=strict, warn=warn,
                 progress=progress,
-            )  # fmt: skip
-            return ramps.stamped(made_of)
+            ).stamped(made_of)  # fmt: skip
         case PreparedTest():
-            if effects:
-                raise ValueError(f"{data.sheet}: --effects is for ramps, and this is {KINDS[data.kind]}")
-            poses = diagnose_poses(
+            _refuse(data, effects, f"--effects is for ramps, and this is {KINDS[data.kind]}")
+            return diagnose_poses(
                 test, only=only, without=without, beside=_series(data, beside), strict=strict, warn=warn,
                 progress=progress,
-            )  # fmt: skip
-            return poses.stamped(made_of)
+            ).stamped(made_of)  # fmt: skip
         case _:
             assert_never(test)
 
@@ -154,38 +150,33 @@ def calibrate(
     fit = _present(data, fit, "--fit", warn)
     made_of = data.made_of(fit=fit, next=next_tests, figure=figure, asked=str(asked), force=force, strict=strict)
     made_of = _beside(made_of, beside)
-    if asked and not isinstance(data.test, PreparedTest):
-        raise ValueError(f"{data.sheet}: --for is for calibrations by poses or deflections: leave it out")
-    if beside and not isinstance(data.test, PreparedTest):
-        raise ValueError(f"{data.sheet}: --beside is for calibrations by poses or deflections: leave it out")
+    for option, given in (("--for", asked), ("--beside", beside)):
+        wrong = given and not isinstance(data.test, PreparedTest)
+        _refuse(data, wrong, f"{option} is for calibrations by poses or deflections: leave it out")
     asked_more = fit or next_tests or figure or asked or beside
     test = data.test if asked_more else _as_it_is(data.test)
     match test:
         case FrequencyMeasurement():
-            if next_tests or figure:
-                raise ValueError(f"{data.sheet}: is a test of frequencies: leave --next and --figure out")
-            frequencies = calibrate_frequencies(
+            _refuse(data, next_tests or figure, "is a test of frequencies: leave --next and --figure out")
+            return calibrate_frequencies(
                 test, fit=fit, force=force, strict=strict, warn=warn, progress=progress
-            )
-            return frequencies.stamped(made_of)
+            ).stamped(made_of)
         case Measurement() if test.sheet.kind == JOINT:
-            if fit or next_tests or figure:
-                raise ValueError(
-                    f"{data.sheet}: is a test of one joint: stiffness, hardening, backlash and friction are looked "
-                    "for; leave --fit, --next and --figure out"
-                )
+            why = (
+                "is a test of one joint: stiffness, hardening, backlash and friction are looked for; leave --fit, "
+                "--next and --figure out"
+            )
+            _refuse(data, fit or next_tests or figure, why)
             joint = calibrate_joint(test, force=force, strict=strict, warn=warn, progress=progress)
             return joint.stamped(made_of)
         case Measurement():
-            ramps = calibrate_ramps(
+            return calibrate_ramps(
                 test, fit=fit, ramps=next_tests, figure=figure, force=force, strict=strict, warn=warn,
                 progress=progress,
-            )  # fmt: skip
-            return ramps.stamped(made_of)
+            ).stamped(made_of)  # fmt: skip
         case PreparedTest():
-            what = KINDS[data.kind]
-            if figure or len(next_tests) > 1:
-                raise ValueError(f"{data.sheet}: is {what}, which has no --figure, and --next takes one CSV file")
+            why = f"is {KINDS[data.kind]}, which has no --figure, and --next takes one CSV file"
+            _refuse(data, figure or len(next_tests) > 1, why)
             candidates = Path(next_tests[0]) if next_tests else None
             poses = calibrate_poses(
                 test, families=fit, candidates=candidates, asked=asked, beside=_series(data, beside),
@@ -196,6 +187,12 @@ def calibrate(
             return poses.stamped(made_of)
         case _:
             assert_never(test)
+
+
+def _refuse(data: DataSet, given: object, why: str) -> None:
+    """Refuse what was given."""
+    if given:
+        raise ValueError(f"{data.sheet}: {why}")
 
 
 def _as_it_is(test: Measurement | PreparedTest) -> Measurement | PreparedTest:

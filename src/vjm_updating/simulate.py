@@ -11,6 +11,7 @@ import re
 import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -32,7 +33,7 @@ from vjm.rotations import Array, rotation_from_vector
 from vjm_output.documents import Row, as_json
 from vjm_updating.constants import numerical, stated_level
 from vjm_updating.data_set import DataSet, load_data
-from vjm_updating.diagnosis.experiment import SHORT_OF, left_over, out_and_back
+from vjm_updating.diagnosis.experiment import left_over, out_and_back, short_of_critical
 from vjm_updating.diagnosis.kinds import kind_of
 from vjm_updating.diagnosis.ramp_kind import RampTest
 from vjm_updating.experiment import Kind, Readings, read_sheet
@@ -348,19 +349,12 @@ def parsed_ramp(text: str) -> PlannedRamp:
 
 def usual_ramps(chain: Machine, engine: VjmEngine, labels: Sequence[str]) -> list[PlannedRamp]:
     """Every posture pulled and pushed along x, short of where the nominal machine turns critical."""
-    return [
-        PlannedRamp(label, COMPONENTS[0], _safe_end(chain, engine, label, direction))
-        for label in labels
-        for direction in Direction
-    ]
-
-
-def _safe_end(chain: Machine, engine: VjmEngine, posture: str, direction: Direction) -> float:
-    end = ramp_end(chain, posture, direction)
-    path = engine.trace(chain, LoadCase(posture, end))
-    sharp = [event.s for event in path.events if event.kind is not EventKind.STIFFNESS_KNEE]
-    reached = min([abs(end), *(SHORT_OF * s for s in sharp), *([] if path.complete else [SHORT_OF * path.s[-1]])])
-    return round(direction.sign * float(reached), 4)
+    ramps = []
+    for label, direction in product(labels, Direction):
+        end = ramp_end(chain, label, direction)
+        reached = short_of_critical(engine.trace(chain, LoadCase(label, end)), abs(end))
+        ramps.append(PlannedRamp(label, COMPONENTS[0], round(direction.sign * float(reached), 4)))
+    return ramps
 
 
 def planned_readings(sheet: Sheet, ramps: Sequence[PlannedRamp]) -> Readings:
@@ -385,21 +379,18 @@ def planned_readings(sheet: Sheet, ramps: Sequence[PlannedRamp]) -> Readings:
             f"[instrument.{'uz_mm' if by_force else 'fx_N'}] with its noise"
         )
     ways = [out_and_back(ramp.end) for ramp in ramps]
-    n = sum(len(way) for way in ways)
+    counts = np.array([len(way) for way in ways], dtype=int)
+    n = int(counts.sum())
+    number = np.repeat(np.arange(1, len(ways) + 1), counts)
     driven = {name: np.zeros(n) for name in imposed if name in sheet.instrument}
-    begin = 0
-    for ramp, way in zip(ramps, ways, strict=True):
-        driven[ramp.channel(sheet)][begin : begin + len(way)] = way
-        begin += len(way)
+    for k, (ramp, way) in enumerate(zip(ramps, ways, strict=True), 1):
+        driven[ramp.channel(sheet)][number == k] = way
     values: dict[str, Array] = {TIME: INTERVAL * np.arange(n, dtype=float), **driven}
     values |= {name: np.zeros(n) for name in sheet.instrument if split_point(name)[1] in read}
     if TEMPERATURE in sheet.instrument:
         values[TEMPERATURE] = np.full(n, ROOM)
-    labels, numbers = [], []
-    for number, (ramp, way) in enumerate(zip(ramps, ways, strict=True), 1):
-        labels += [ramp.posture] * len(way)
-        numbers += [number] * len(way)
-    return Readings("simulated.csv", np.arange(2, n + 2), np.array(labels), np.array(numbers), values)
+    labels = np.repeat(np.array([ramp.posture for ramp in ramps]), counts)
+    return Readings("simulated.csv", np.arange(2, n + 2), labels, number, values)
 
 
 DATA, SHEET, TRUTH = "readings.csv", "sheet.toml", "truth.json"

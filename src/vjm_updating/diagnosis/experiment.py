@@ -7,17 +7,18 @@ coordinates, within what the present test leaves open, does not count.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import combinations
 from math import ceil
 
 import numpy as np
 
-from vjm.continuation.path import EventKind
+from vjm.continuation.path import EventKind, Path
 from vjm.errors import NoConvergenceError
 from vjm.model.load_case import LoadCase
 from vjm.rotations import Array
 from vjm_updating.constants import numerical
+from vjm_updating.diagnosis.document import ExperimentRow
 from vjm_updating.experiment.data_file import WRENCH
 from vjm_updating.inference.fitting import Fit, Fitter
 from vjm_updating.inference.forward import Forward
@@ -43,23 +44,7 @@ SHORT_OF, UNKNOWN = numerical(0.8), numerical(0.1)
 """How near a critical displacement a posture may be taken, and how far, mm, where the model does not say."""
 
 
-@dataclass(frozen=True)
-class Proposal:
-    """A test to be done next.
-
-    Attributes:
-        strength: of the discrimination to be expected, of the two hypotheses that it distinguishes least.
-        difference: largest difference of a reading that it would show.
-    """
-
-    posture: str
-    path: str
-    strength: float
-    difference: float
-    channel: str
-
-
-def propose(fitter: Fitter, fits: Sequence[Fit]) -> Proposal | None:
+def propose(fitter: Fitter, fits: Sequence[Fit]) -> ExperimentRow | None:
     """The candidate that tells hypotheses best from one another; None where none can be computed.
 
     Pairs that it distinguishes for sure count no more than that, and it is repeated as often as the others need.
@@ -69,7 +54,7 @@ def propose(fitter: Fitter, fits: Sequence[Fit]) -> Proposal | None:
     """
     observed = fitter.forward.observed
     load = float(np.abs(fits[0].at.wrench[:, 0]).max())
-    once: list[tuple[str, str, tuple[float, ...], list[Proposal]]] = []
+    once: list[tuple[str, str, tuple[float, ...], list[ExperimentRow]]] = []
     for posture in observed.measurement.chain.postures:
         (pull, further_pull), (push, further_push) = (_safe(observed, posture, sign, load) for sign in (1.0, -1.0))
         near, far = min(pull, push), min(further_pull, further_push)
@@ -81,18 +66,18 @@ def propose(fitter: Fitter, fits: Sequence[Fit]) -> Proposal | None:
             ("push", (-push,)),
             (both, (far, -far)),
         ]
-        own: list[Proposal] = []
+        own: list[ExperimentRow] = []
         for name, ends in load_cases:
             proposals = _told(fitter, fits, posture, name, ends)
             if _better(proposals, own):
                 own, chosen = proposals, (posture, name, ends, proposals)
         if own:
             once.append(chosen)
-    best: list[Proposal] = []
+    best: list[ExperimentRow] = []
     for posture, name, ends, proposals in sorted(once, key=lambda one: -_worth(one[-1]))[:CONTENDERS]:
         if best and _worth(best) >= WANTED * len(best):
             break
-        enough = [ceil((WANTED / max(t.strength, 1e-9)) ** 2) for t in proposals]
+        enough = [ceil((WANTED / max(_strength(t), 1e-9)) ** 2) for t in proposals]
         times = max((min(n, MOST) for n in enough if n <= HELPS * MOST), default=1)
         often = _told(fitter, fits, posture, name, ends, times) if times > 1 else proposals
         if not _better(often, proposals):
@@ -100,22 +85,27 @@ def propose(fitter: Fitter, fits: Sequence[Fit]) -> Proposal | None:
             often = proposals
         if _better(often, best):
             best = often
-    return min(best, key=lambda t: t.strength, default=None)
+    return min(best, key=_strength, default=None)
 
 
-def _worth(proposals: Sequence[Proposal]) -> float:
+def _strength(proposal: ExperimentRow) -> float:
+    """Of the discrimination to be expected, of the two hypotheses that a test distinguishes least."""
+    return proposal.strength or 0.0
+
+
+def _worth(proposals: Sequence[ExperimentRow]) -> float:
     """Of a candidate: what it distinguishes for sure counts no more than that."""
-    return sum(min(t.strength, WANTED) for t in proposals)
+    return sum(min(_strength(t), WANTED) for t in proposals)
 
 
-def _better(proposals: Sequence[Proposal], best: Sequence[Proposal]) -> bool:
+def _better(proposals: Sequence[ExperimentRow], best: Sequence[ExperimentRow]) -> bool:
     """Whether a candidate is worth so much more than one before it."""
     return bool(proposals) and (not best or _worth(proposals) > BETTER * _worth(best))
 
 
 def _told(
     fitter: Fitter, fits: Sequence[Fit], posture: str, name: str, ends: tuple[float, ...], times: int = 1
-) -> list[Proposal]:
+) -> list[ExperimentRow]:
     """How well a candidate tells each pair apart; empty where that cannot be computed for one."""
     made = _observed(fitter.forward.observed, posture, ends * times)
     own = Fitter(Forward(made), fitter.nuisances, fitter.whitening.reading(made))
@@ -137,7 +127,10 @@ def _told(
         strength, left = left_over(own, raw, slopes[j], fitter.normal(fits[j]), fits[j].found)
         forces = np.where(made.present, np.abs(left), 0.0) * np.repeat([1.0, 1e-2], 3)
         k = int(np.argmax(forces.max(axis=0)))
-        proposals.append(Proposal(posture, path, strength, float(np.abs(left[:, k]).max()), WRENCH[k]))
+        largest = float(np.abs(left[:, k]).max())
+        proposals.append(
+            ExperimentRow(posture=posture, path=path, strength=strength, difference=largest, channel=WRENCH[k])
+        )
     return proposals
 
 
@@ -148,8 +141,8 @@ def left_over(
 
     What the test at hand says nothing of, such as a tilt across what is measured, is spread evenly between its
     bounds: without them the hypothesis could show anything, and no experiment would tell it from any. ``own`` fits
-    the test to be; ``J`` (n, 6, n_z) are derivatives of the hypothesis' residuals, ``known`` (n_z, n_z) is the
-    inverse covariance of its coordinates by the test at hand.
+    the test to be. ``J`` (n, 6, n_z) are derivatives of the hypothesis' residuals. Its coordinates have the inverse
+    covariance ``known`` (n_z, n_z) by the test at hand.
     """
     known = known + np.diag([12.0 / (c.high - c.low) ** 2 for c in unknowns])
     W, r = own.whitening.flat(J), own.whitening.flat(raw)
@@ -174,14 +167,17 @@ def _safe(observed: Observed, posture: str, sign: float, load: float) -> tuple[f
         path = measurement.engine.trace(measurement.chain, LoadCase(posture, sign * FARTHEST))
     except (NoConvergenceError, ValueError):
         return (taken or UNKNOWN, taken or UNKNOWN)
-    sharp = [e.s for e in path.events if e.kind is not EventKind.STIFFNESS_KNEE]
-    end = min(
-        [FARTHEST, *(SHORT_OF * s for s in sharp), *([] if path.complete else [SHORT_OF * path.points[-1].s])]
-    )
+    end = short_of_critical(path, FARTHEST)
     # the force grows up to where it turns critical
     growing = np.maximum.accumulate(np.abs(path.force))
     near, far = (float(np.interp(times * load, growing, path.s)) for times in (1.0, FURTHER))
     return max(taken, min(near, end)), max(taken, min(far, end))
+
+
+def short_of_critical(path: Path, most: float) -> float:
+    """How far a path may be taken, at most so far: short of where it turns critical, or ends."""
+    sharp = [event.s for event in path.events if event.kind is not EventKind.STIFFNESS_KNEE]
+    return min([most, *(SHORT_OF * s for s in sharp), *([] if path.complete else [SHORT_OF * path.s[-1]])])
 
 
 def out_and_back(end: float) -> Array:

@@ -247,14 +247,8 @@ class RampTest:
             return ExperimentRow(why="no posture of the model separates them")
         one, *rest = (" + ".join(sorted(causes)) for causes in (first.causes, *others))
         reason = f"it tells {one} from {' and from '.join(rest)}"
-        return ExperimentRow(
-            why=f"{reason}: {proposal.channel} would differ by up to {proposal.difference:.3g}",
-            posture=proposal.posture,
-            path=proposal.path,
-            difference=proposal.difference,
-            channel=proposal.channel,
-            strength=proposal.strength,
-        )
+        why = f"{reason}: {proposal.channel} would differ by up to {proposal.difference:.3g}"
+        return proposal.model_copy(update={"why": why})
 
 
 def ramp_effects(observed: Observed, more: Sequence[Maker] = ()) -> list[Effect]:

@@ -171,30 +171,33 @@ def read_measurement(data: TableSource, sheet: SheetSource) -> Measurement:
         if page.kind == "joint":
             check_joint(measurement)
         else:
-            _check_ramps(measurement)
+            check_labels(readings.posture.tolist(), readings.row, chain.postures)
+            _check_time(readings)
+            _check_held(measurement)
+            _check_postures(readings, page.test.control)
+            _check_channels(measurement)
     check_units(measurement)
     return measurement
 
 
 def check_joint(measurement: Measurement) -> None:
-    """Refuse readings of one joint that cannot be any.
+    """Refuse a test of one joint that cannot be one: none, rigid in the model, unknown lever, or nothing moved.
 
     Raises:
         ValueError: naming the column and the remedy; one line.
     """
     _check_time(measurement.readings)
     _check_channels(measurement)
-    _check_joint(measurement)
-
-
-def _check_ramps(measurement: Measurement) -> None:
-    """Refuse readings of ramps or loads that cannot be any."""
-    readings = measurement.readings
-    check_labels(readings.posture.tolist(), readings.row, measurement.chain.postures)
-    _check_time(readings)
-    _check_held(measurement)
-    _check_postures(readings, measurement.sheet.test.control)
-    _check_channels(measurement)
+    sheet, readings, drive = measurement.sheet, measurement.readings, measurement.drive
+    for name in readings.channels:
+        arm = {"force_N": "force_mm", "deflection_mm": "gauge_mm"}.get(name, "")
+        if not drive.slides and arm and getattr(sheet.lever, arm) is None:
+            raise SheetError(f"{sheet.file}: {name} was read on a lever: add [lever] {arm}, from the joint's axis")
+        if drive.slides and name in (MOTION[0], EFFORT[0]):
+            raise DataError(f"column {name}: {drive.name} slides: give deflection_mm and force_N")
+        values = readings.known(name)
+        if not len(values) or not np.ptp(values):
+            raise DataError(f"column {name}: it does not change: was the right column exported?")
 
 
 def _check_channels(measurement: Measurement) -> None:
@@ -302,20 +305,6 @@ def _check_reach(measurement: Measurement) -> None:
                     "a factor 1000? Write it in mm"
                 )
             raise DataError(f"row {readings.row[far[0]]}, column {name}: {value:g} {why}")
-
-
-def _check_joint(measurement: Measurement) -> None:
-    """Refuse a test of a joint that cannot be one: none, rigid in the model, unknown lever, or nothing moved."""
-    sheet, readings, drive = measurement.sheet, measurement.readings, measurement.drive
-    for name in readings.channels:
-        arm = {"force_N": "force_mm", "deflection_mm": "gauge_mm"}.get(name, "")
-        if not drive.slides and arm and getattr(sheet.lever, arm) is None:
-            raise SheetError(f"{sheet.file}: {name} was read on a lever: add [lever] {arm}, from the joint's axis")
-        if drive.slides and name in (MOTION[0], EFFORT[0]):
-            raise DataError(f"column {name}: {drive.name} slides: give deflection_mm and force_N")
-        values = readings.known(name)
-        if not len(values) or not np.ptp(values):
-            raise DataError(f"column {name}: it does not change: was the right column exported?")
 
 
 def planned_measurement(sheet: Sheet, readings: Readings) -> Measurement:

@@ -534,9 +534,9 @@ def best_fit(
 ) -> Fit | None:
     """The best coordinates from a start; None where the machine does not stand there.
 
-    Where slopes by the machine's nuisances are ``borrowed`` (n, 6, m) of a fit near by, they are made anew only
-    where they lead astray: they only choose a direction, since at the best of a right model the residual is noise.
-    A fit that will hardly come down to ``target`` squares is given up.
+    Slopes by the machine's nuisances may be ``borrowed`` (n, 6, m) of a fit near by, and are made anew only where
+    they lead astray. They only choose a direction, since at the best of a right model the residual is noise. A fit
+    that will hardly come down to ``target`` squares is given up.
     """
     unknowns = coordinates(fitter.nuisances, hypothesis)
     # what a hypothesis frees is its parameter, and no slope of another fit tells what it does

@@ -37,7 +37,7 @@ from vjm_updating.mechanisms.effect import Effect
 from vjm_updating.mechanisms.equilibrium_tables import HalfRay, PathTable, Sheaf, beside, first_force, tabulate
 from vjm_updating.mechanisms.hysteresis import friction_torques
 from vjm_updating.mechanisms.modified_chain import AxialSigns, ModifiedChain
-from vjm_updating.mechanisms.relaxation import OnRay, Relaxation, relaxing
+from vjm_updating.mechanisms.relaxation import OnRay, relaxing
 from vjm_updating.mechanisms.series_elements import Memoryless, SeriesElement, balance, deflection
 
 LEAST = numerical(3)
@@ -247,7 +247,9 @@ class Forward(PlainForward):
         look = sheaf.at
         elements = [element for effect, v in own for element in effect.elements(machine, v)]
         limit = sum((np.asarray(effect.friction(v)) for effect, v in own), np.zeros(1))
-        histories = [self._relaxation(tables, r) for e, v in own if (r := e.relaxation(machine, v)) is not None]
+        histories = [
+            relaxing(tables, observed.history, r) for e, v in own if (r := e.relaxation(machine, v)) is not None
+        ]
         if limit.any():
             presliding = max(effect.presliding(v) for effect, v in own)
             histories.append(lambda u: self._friction(sheaf, u, limit, presliding))
@@ -390,9 +392,6 @@ class Forward(PlainForward):
             balanced = balance(with_extra, place, elements, self.observed.history)
             own = balanced.pose
         return balanced.wrench, balanced.stiffness
-
-    def _relaxation(self, tables: Sequence[OnRay], relaxation: Relaxation) -> Callable[[Array], Array]:
-        return relaxing(tables, self.observed.history, relaxation)
 
     def _friction(self, sheaf: Sheaf, own: Array, limit: Array, presliding: float) -> Array:
         free, give, bear, rest = sheaf.yielding(own)

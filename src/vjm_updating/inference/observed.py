@@ -87,9 +87,8 @@ def steady(
 ) -> RampRegression | None:
     """The lines of a test that was driven steadily, or of its holds; None where its forces do not say so.
 
-    Of each reading ``sequence`` (n,) is the number of its sequence, ``when`` (n,) its clock or order, ``read`` (n,)
-    the displacement by a gauge of noise ``sigma``, and ``wrench`` (n, 6), nan where there is none, has a ``noise``
-    (6,).
+    Of each reading ``sequence`` (n,) has the number of its sequence, and ``when`` (n,) its clock or order. ``read``
+    (n,) is the displacement by a gauge of noise ``sigma``. ``wrench`` (n, 6) is nan where there is none.
     """
     if sigma <= 0.0 or np.bincount(sequence).max() > MOST:
         return None

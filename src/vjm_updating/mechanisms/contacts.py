@@ -119,7 +119,6 @@ class ActuatorBacklash(InDrive):
 
     Attributes:
         force: largest of the test on the drive, N.
-        part: the joint in which the drive is; empty: the drive before all passive joints.
     """
 
     force: float = 1000.0

@@ -97,7 +97,10 @@ BEFORE_JOINTS = DriveSite()
 
 
 class InDrive(Effect, ABC):
-    """A cause in a drive, told by a law in mm and N."""
+    """A cause in a drive, told by a law in mm and N.
+
+    Its ``part`` is the joint in which the drive is; empty: the drive before all passive joints.
+    """
 
     drive: DriveSite = BEFORE_JOINTS
 
@@ -219,11 +222,7 @@ def _along(joint: Joint) -> Array:
 
 @dataclass(frozen=True)
 class ActuatorCompliance(InDrive):
-    """``x = c N`` along the drive, or ``x = c M`` about the axis of a joint that turns.
-
-    Attributes:
-        part: the joint in which the drive is; empty: the drive before all passive joints.
-    """
+    """``x = c N`` along the drive, or ``x = c M`` about the axis of a joint that turns."""
 
     part: str = ""
     drive: DriveSite = BEFORE_JOINTS
@@ -302,7 +301,6 @@ class ActuatorHardening(InDrive):
     Attributes:
         force: N_max, the largest force of the test on the drive, N.
         compliance: c₀ of the drive's spring in the model, mm/N; zero where it has none, and c₀ is looked for.
-        part: the joint in which the drive is; empty: the drive before all passive joints.
     """
 
     force: float = 1000.0

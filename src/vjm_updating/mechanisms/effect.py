@@ -65,9 +65,9 @@ def along_links(machine: ModifiedChain, postures: Iterable[str], jointed: bool) 
 
     What slips shifts all that is behind it along the link's line, so that it makes no difference where along the
     link it sits, at its root, in it or at its tip. Nor does it with links whose lines are one direction in every
-    posture of a test: no reading distinguishes them, and they are one place. Of ``jointed`` ones there are only
-    links with a joint between them and the beam, or the end of the chain, before or behind: joints have backlash
-    and contacts along the links that they join.
+    posture of a test: no reading distinguishes them, and they are one place. Where they are to be
+    ``jointed``, a joint has to stand between a link and the beam, or the end of the chain, before or behind. Joints
+    have backlash and contacts along the links that they join.
 
     Returns:
         Of each place what a verdict calls it, and the link whose line it is; both empty for the only link.

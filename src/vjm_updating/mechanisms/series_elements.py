@@ -310,9 +310,8 @@ class Memoryless:
         return self.function(force)
 
 
-def memoryless(function: Callable[[Array], tuple[Array, Array]]) -> Law:
-    """A law without history from its extension and slope by the force."""
-    return Memoryless(function)
+memoryless = Memoryless
+"""A law without history, by the name that effects write."""
 
 
 def retarded(compliance: float, seconds: float) -> Law:

@@ -76,12 +76,7 @@ def part_compliance_effects(scene: Scene) -> list[Effect]:
 
 @dataclass(frozen=True)
 class LinkLength(Effect):
-    """The bar's length is off; the unloaded pose moves with it.
-
-    Attributes:
-        beam: the link's name.
-        part: the same where there are several.
-    """
+    """The bar's length is off; the unloaded pose moves with it."""
 
     beam: str = "link"
     part: str = ""
@@ -118,8 +113,6 @@ class LinkBow(Effect):
     Attributes:
         sizes: amplitudes to begin a search with, mm.
         length: of the beam, mm.
-        beam: its name.
-        part: the same where there are several links.
     """
 
     sizes: tuple[float, ...] = (0.5, 2.0)

@@ -12,7 +12,8 @@ from vjm.engines import VjmEngine
 from vjm.io.model_file import load_chain
 from vjm.model.load_case import LoadCase
 from vjm_updating.diagnosis import experiment
-from vjm_updating.diagnosis.experiment import FURTHER, MOST, SHORT_OF, WANTED, Proposal, propose
+from vjm_updating.diagnosis.document import ExperimentRow
+from vjm_updating.diagnosis.experiment import FURTHER, MOST, SHORT_OF, WANTED, propose
 from vjm_updating.diagnosis.preprocess import prepare
 from vjm_updating.experiment import read_measurement
 from vjm_updating.inference.fitting import best_fit
@@ -105,7 +106,7 @@ def test_what_repetitions_tell_decides(pulled, monkeypatch):
     def told(fitter, fits, posture, name, ends, times=1):
         strengths = once.get(posture, (0.1,) * 4)
         grown = [s * times**0.5 if posture != "B" or s > 1.0 else s for s in strengths]
-        return [Proposal(posture, f"{times} times", s, 1.0, "fx_N") for s in grown]
+        return [ExperimentRow(posture=posture, path=f"{times} times", strength=s) for s in grown]
 
     monkeypatch.setattr(experiment, "_told", told)
     prepared, found = pulled
@@ -119,7 +120,7 @@ def test_it_is_repeated_only_where_that_decides_something(pulled, monkeypatch, f
 
     def told(fitter, fits, posture, name, ends, times=1):
         strengths = np.array([9.0, 0.99 * WANTED, faint]) * times**0.5
-        return [Proposal(posture, f"{times} times", s, 1.0, "fx_N") for s in strengths]
+        return [ExperimentRow(posture=posture, path=f"{times} times", strength=s) for s in strengths]
 
     monkeypatch.setattr(experiment, "_told", told)
     # as often as the one that is faint needs, were it not out of reach
