@@ -37,10 +37,6 @@ from vjm_updating.inference.significance import NORMAL_95
 class CalibratedForward(OfUnknowns, Forward):
     """Predicts readings by a machine with other parameters."""
 
-    def reading(self, observed: Observed) -> CalibratedForward:
-        """The same for other readings of the same test."""
-        return replace(self, observed=observed, branches=dict(self.branches))
-
 
 @dataclass
 class CalibratedLoads(OfUnknowns, LoadForward):

@@ -19,7 +19,7 @@ from vjm_updating.experiment import Measurement, Readings
 from vjm_updating.experiment.comparison import Ray
 from vjm_updating.experiment.data_file import WRENCH, split_point
 from vjm_updating.inference.fitting import Fit
-from vjm_updating.inference.forward import PlainForward, values_of
+from vjm_updating.inference.forward import Predictor, values_of
 from vjm_updating.inference.instruments import InstrumentScale, InstrumentZero
 from vjm_updating.inference.noise import Noise, noise_of
 from vjm_updating.inference.observed import Observed
@@ -252,7 +252,7 @@ def _shape(measurement: Measurement) -> Shape | None:
     return shape_of(part_table(measurement.document, link_of(measurement.chain)))
 
 
-class ColumnForward(PlainForward):
+class ColumnForward(Predictor):
     """Predicts the loads at the marks; both sides are alike."""
 
     def evaluate(

@@ -12,7 +12,7 @@ from itertools import combinations
 from math import inf
 from typing import Literal, TypeVar
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
 from vjm_output.documents import MADE_OF, DoubtRow, Row, VersionRow
 from vjm_updating.constants import stated_level
@@ -29,49 +29,45 @@ class Word(StrEnum):
     MAY = "may act"
 
 
-class _FindingsTable(BaseModel):
-    model_config = ConfigDict(frozen=True)
-
-
-class PlaceRow(_FindingsTable):
+class PlaceRow(Row):
     """A place where a cause may sit."""
 
     place: str = Field(description="the cause with its part or channel, as in creep(foot)")
     probability: float
 
 
-class CauseRow(_FindingsTable):
+class CauseRow(Row):
     """A cause that may act."""
 
     cause: str
     probability: float = Field(description="that it acts: the sum over the hypotheses that contain it")
     share: float | None = Field(description="of what the nominal model misses, that it explains; null: not known")
     word: Word
-    places: list[PlaceRow] = []
+    places: list[PlaceRow] = Field([])
     within_law_of: str = Field(
         "", description="the main cause, whose law may be wrong by as much as this cause explains; empty: none"
     )
 
 
-class GroupRow(_FindingsTable):
+class GroupRow(Row):
     """Causes of which one acts; these readings do not tell which."""
 
     causes: list[str]
     probability: float = Field(description="that one of them acts at least")
 
 
-class FindingsRow(_FindingsTable):
+class FindingsRow(Row):
     """What acts, what may act, and the residual."""
 
     causes: list[CauseRow] = Field([], description="the largest share first, then by probability")
-    groups: list[GroupRow] = []
+    groups: list[GroupRow] = Field([])
     nothing: float | None = Field(None, description="probability that nothing acts beyond the sheet's tolerances")
     unknown: float | None = Field(None, description="probability that something acts that no catalogue has")
     explained: float = Field(0.0, description="share of what the nominal model misses, by the likeliest hypothesis")
     left: float = Field(0.0, description="residual, root mean square over the noise")
     more_than_noise: bool = Field(False, description="whether the residual is more than noise")
     trusted: bool = Field(True, description="whether anything is said to act; else the causes are guesses")
-    words: list[str] = []
+    words: list[str] = Field([])
 
 
 @dataclass(frozen=True)
@@ -268,13 +264,9 @@ class ValueRow(Row):
     def joined(self, other: ValueRow) -> ValueRow:
         """The same with an interval that takes in another's."""
         ends = [min(self.low, other.low), max(self.high, other.high)]
-        limits = (
-            self.limits
-            if other.limits in ("both", self.limits)
-            else other.limits
-            if self.limits == "both"
-            else "none"
-        )
+        limits = self.limits
+        if other.limits not in ("both", limits):
+            limits = other.limits if limits == "both" else "none"
         return self.model_copy(update={"interval95": ends, "limits": limits})
 
     @property

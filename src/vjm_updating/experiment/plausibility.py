@@ -636,8 +636,6 @@ def _place(c: Comparison, rows: np.ndarray) -> str:
     return "; ".join(parts)
 
 
-__all__ = ["Finding", "Grade", "considered", "plausibility"]
-
 Rule = Callable[[Comparison], Iterator[Finding]]
 
 

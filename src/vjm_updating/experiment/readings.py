@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
-from enum import StrEnum
 
 import numpy as np
 
@@ -34,16 +33,6 @@ DEADBAND = stated_level(4.0)
 
 SETTLED = numerical(5)
 """Rows at a mark whose median is taken: two of them may be stale."""
-
-
-class Branch(StrEnum):
-    """What the displacement is doing at a reading."""
-
-    UP = "up"
-    """Away from the unloaded pose."""
-    DOWN = "down"
-    """Back towards it."""
-    HOLD = "hold"
 
 
 @dataclass(frozen=True)
@@ -107,12 +96,12 @@ class Readings:
         values = {name: column[keep] for name, column in self.values.items()}
         return Readings(self.file, self.row[keep], self.posture[keep], self.run[keep], values)
 
-    def branches(self, channel: str, noise: float) -> list[Branch]:
-        """Loading branch of every reading, off the history of one displacement.
+    def ways(self, channel: str, noise: float) -> Array:
+        """What one displacement does at each reading: 1 away from the unloaded pose, −1 back, 0 held ``(n,)``.
 
         Turning points count once the displacement has gone back by `DEADBAND` times the noise.
         """
-        column, result = self.values[channel], [Branch.HOLD] * len(self)
+        column, result = self.values[channel], np.zeros(len(self))
         for rows in self.sequences:
             size = np.abs(column[rows])
             size[np.isnan(size)] = 0.0
@@ -120,13 +109,12 @@ class Readings:
             begin = 0
             for k in range(1, len(rows)):
                 if abs(size[k] - size[begin]) > span:
-                    way = Branch.UP if size[k] > size[begin] else Branch.DOWN
+                    way = 1.0 if size[k] > size[begin] else -1.0
                     near = begin + 1
                     # what stayed where the motion began was held
                     while near < k and abs(size[near] - size[begin]) <= 0.5 * span:
                         near += 1
-                    for i in range(near, k + 1):
-                        result[rows[i]] = way
+                    result[rows[near : k + 1]] = way
                     begin = k
         return result
 

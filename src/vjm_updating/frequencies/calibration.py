@@ -119,7 +119,7 @@ def _settled(
     None where the machine lacks a mode that was read. A fit that will not come to the ``target`` ends early.
     """
     unknowns, observed = problem.unknowns, problem.observed
-    forward = FrequencyForward(measurement, observed, pairs, unknowns=unknowns)
+    forward = FrequencyForward(observed, measurement, pairs, unknowns=unknowns)
     z, solution = unknowns.start, None
     for _ in range(ROUNDS):
         try:
@@ -177,7 +177,7 @@ def _starts(measurement: FrequencyMeasurement, problem: CalibrationProblem) -> l
     first = np.array([pairings(row, missing)[0] for row in read])
     if not missing:
         return [first]
-    forward = FrequencyForward(measurement, problem.observed, first, unknowns=unknowns)
+    forward = FrequencyForward(problem.observed, measurement, first, unknowns=unknowns)
     starts = [paired(measurement, forward, unknowns.start, unknowns.sigma), first]
     for mode in range(int(read.sum(axis=1).max())):
         starts.append(np.array([skipping(row, mode) for row in read]))

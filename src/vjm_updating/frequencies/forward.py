@@ -20,10 +20,9 @@ from vjm.model.parameters import Parameter
 from vjm.rotations import Array
 from vjm_updating.calibration.parameters import OfUnknowns, Unknown
 from vjm_updating.constants import numerical
-from vjm_updating.experiment.comparison import Ray
 from vjm_updating.frequencies.measurement import FrequencyMeasurement
+from vjm_updating.inference.forward import Predictor
 from vjm_updating.inference.instruments import InstrumentErrors
-from vjm_updating.inference.observed import Observed
 from vjm_updating.inference.parameters import Coordinate, Evaluation, Hypothesis
 
 
@@ -125,22 +124,18 @@ class Tapped:
 
 
 @dataclass
-class FrequencyForward(OfUnknowns):
-    """Predicts frequencies; see `vjm_updating.inference.forward.Predictor`.
+class FrequencyForward(OfUnknowns, Predictor):
+    """Predicts frequencies.
 
     Attributes:
         measurement: the test.
-        observed: its readings.
         pairs: ``(n, k)`` mode that each reading is, from 0; −1 where there is none.
-        branches: none.
         rival: another pairing ``(n, k)`` with parameters of its own, and its probability beside this one; None
             where no other one was found.
     """
 
     measurement: FrequencyMeasurement
-    observed: Observed
     pairs: np.ndarray
-    branches: dict[tuple[int, int], int] = field(default_factory=dict)
     rival: tuple[np.ndarray, float] | None = None
     _known: OrderedDict[bytes, Tapped] = field(default_factory=OrderedDict)
     _rates: OrderedDict[tuple[bytes, int], Array] = field(default_factory=OrderedDict)
@@ -148,18 +143,6 @@ class FrequencyForward(OfUnknowns):
     def paired(self, pairs: np.ndarray) -> FrequencyForward:
         """The same with another pairing ``(n, k)``."""
         return replace(self, pairs=pairs)
-
-    def reading(self, observed: Observed) -> FrequencyForward:
-        """The same for other readings of the same test."""
-        return replace(self, observed=observed)
-
-    def branched(self, ray: Ray, sign: int, reach: float) -> bool:
-        """There is one equilibrium in each posture."""
-        return False
-
-    def behind_bifurcation(self, unknowns: Sequence[Coordinate], z: Array, hypothesis: Hypothesis) -> np.ndarray:
-        """No reading ``(n,)`` is."""
-        return np.zeros(len(self.pairs), dtype=bool)
 
     def tapped(self, z: Array) -> Tapped:
         """The machine of the unknowns ``(n_z,)`` in all postures.

@@ -5,11 +5,12 @@ Axes that nobody drove are taken at their means: what their gauges read is noise
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections import OrderedDict
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import Protocol, Self
+from typing import Self
 
 import numpy as np
 
@@ -147,57 +148,45 @@ class Ramp:
     places: tuple[tuple[float, ...], tuple[float, ...]] = ((), ())
 
 
-class Predictor(Protocol):
-    """What predicts the readings of a kind of test."""
-
-    observed: Observed
-    branches: dict[tuple[int, int], int]
-
-    def machine(self, unknowns: Sequence[Coordinate], z: Array, hypothesis: Hypothesis) -> ModifiedChain:
-        """The machine of a hypothesis."""
-
-    def evaluate(
-        self, unknowns: Sequence[Coordinate], z: Array, hypothesis: Hypothesis, beside: Array | None = None
-    ) -> Evaluation:
-        """Readings against a hypothesis; a little ``beside`` coordinates (n_z,) whose tables will do."""
-
-    def reading(self, observed: Observed) -> Predictor:
-        """The same for other readings of the same test."""
-
-    def branched(self, ray: Ray, sign: int, reach: float) -> bool:
-        """Whether a half-ray has a bifurcation within its reach."""
-
-
 @dataclass
-class PlainForward:
-    """All of a `Predictor` but its predictions, of tests in which no equilibrium has a second branch."""
+class Predictor(ABC):
+    """What predicts the readings of a kind of test; here no equilibrium has a second branch.
+
+    Attributes:
+        branches: which of two mirrored branches a half-ray takes, by (ray, sign); +1 by default.
+    """
 
     observed: Observed
-    branches: dict[tuple[int, int], int] = field(default_factory=dict)
+    branches: dict[tuple[int, int], int] = field(default_factory=dict, kw_only=True)
 
     def machine(self, unknowns: Sequence[Coordinate], z: Array, hypothesis: Hypothesis) -> ModifiedChain:
         """The machine of a hypothesis."""
         return machine_of(self.observed, unknowns, z, hypothesis)
 
+    @abstractmethod
+    def evaluate(
+        self, unknowns: Sequence[Coordinate], z: Array, hypothesis: Hypothesis, beside: Array | None = None
+    ) -> Evaluation:
+        """Readings against a hypothesis; a little ``beside`` coordinates (n_z,) whose tables will do."""
+
     def reading(self, observed: Observed) -> Self:
         """The same for other readings of the same test."""
-        return type(self)(observed)
+        return replace(self, observed=observed, branches=dict(self.branches))
 
     def branched(self, ray: Ray, sign: int, reach: float) -> bool:
-        """No half-ray has a bifurcation behind which readings could lie."""
+        """Whether a half-ray has a bifurcation within its reach, behind which readings could lie."""
         return False
 
     def behind_bifurcation(self, unknowns: Sequence[Coordinate], z: Array, hypothesis: Hypothesis) -> np.ndarray:
-        """No reading ``(n,)`` is."""
+        """Whether each reading ``(n,)`` is, of the machine of coordinates ``(n_z,)``."""
         return np.zeros(len(self.observed.pose), dtype=bool)
 
 
 @dataclass
-class Forward(PlainForward):
+class Forward(Predictor):
     """Predicts readings; keeps the tables that it has made.
 
     Attributes:
-        branches: which of two mirrored branches a half-ray takes, by (ray, sign); +1 by default.
         at_readings: whether tables have equilibria at the very displacements that were read, and must reach them.
     """
 
@@ -205,10 +194,6 @@ class Forward(PlainForward):
     _tables: OrderedDict[Key, PathTable] = field(default_factory=OrderedDict)
     _known_pulls: dict[tuple[str, tuple[float, ...]], Array] = field(default_factory=dict)
     _known_ramps: dict[tuple[tuple[int, int], ...], list[Ramp]] = field(default_factory=dict, init=False)
-
-    def reading(self, observed: Observed) -> Self:
-        """The same for other readings of the same test."""
-        return type(self)(observed, dict(self.branches), self._tables, self._known_pulls)
 
     def branched(self, ray: Ray, sign: int, reach: float) -> bool:
         """Whether a half-ray has a bifurcation within its reach, in any table made so far."""

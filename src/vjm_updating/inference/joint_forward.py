@@ -17,7 +17,7 @@ from vjm.model.machine import Machine
 from vjm.rotations import Array
 from vjm_updating.constants import numerical, physical_bound, prior_scale
 from vjm_updating.experiment.comparison import levers_of, stiffness_of
-from vjm_updating.inference.forward import PlainForward, deflected, drifted, own_effects, values_of
+from vjm_updating.inference.forward import Predictor, deflected, drifted, own_effects, values_of
 from vjm_updating.inference.parameters import Coordinate, Evaluation, Hypothesis, instrument_errors
 from vjm_updating.mechanisms.drives import (
     BEFORE_JOINTS,
@@ -335,7 +335,7 @@ STIFFEST = numerical(1e9)
 """Times the model's stiffness within which loads are sought at most."""
 
 
-class JointForward(PlainForward):
+class JointForward(Predictor):
     """Predicts loads of one joint; it has no bifurcation."""
 
     def evaluate(

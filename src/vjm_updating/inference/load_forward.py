@@ -10,9 +10,9 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
-from typing import ClassVar, Self
+from typing import ClassVar
 
 import numpy as np
 
@@ -20,8 +20,7 @@ from vjm.rotations import Array
 from vjm_updating.constants import numerical
 from vjm_updating.experiment import Kind
 from vjm_updating.experiment.comparison import Ray, gauges_of
-from vjm_updating.inference.forward import MARGIN, PlainForward, drifted, own_effects, values_of
-from vjm_updating.inference.observed import Observed
+from vjm_updating.inference.forward import MARGIN, Predictor, drifted, own_effects, values_of
 from vjm_updating.inference.parameters import Coordinate, Evaluation, Hypothesis, instrument_errors
 from vjm_updating.mechanisms.effect import Effect
 from vjm_updating.mechanisms.equilibrium_tables import Gauge, HalfRay, LoadedEquilibria, load_table
@@ -48,17 +47,13 @@ Found = tuple[Array, ...]
 
 
 @dataclass
-class LoadForward(PlainForward):
+class LoadForward(Predictor):
     """Predicts displacements under loads: what loses its stability under a load bears no more of it."""
 
     whole_beams: ClassVar[bool] = True
     """Whether a modulus acts on all of its beam."""
 
     _tables: OrderedDict[tuple[object, ...], LoadedEquilibria] = field(default_factory=OrderedDict)
-
-    def reading(self, observed: Observed) -> Self:
-        """The same for other readings of the same test."""
-        return replace(self, observed=observed, branches={})
 
     def evaluate(
         self, unknowns: Sequence[Coordinate], z: Array, hypothesis: Hypothesis, beside: Array | None = None

@@ -10,7 +10,6 @@ import numpy as np
 
 from vjm.rotations import Array
 from vjm_updating.constants import definition, numerical
-from vjm_updating.experiment.readings import Branch
 from vjm_updating.inference.observed import Observed
 from vjm_updating.inference.significance import level
 
@@ -126,9 +125,7 @@ def loading(observed: Observed, channel: str = "") -> Array:
     """+1 on the way out, −1 on the way back, 0 held ``(n,)``, of a driven channel; by default the main one."""
     channel = channel or driven_channel(observed)
     known = observed.measurement.sheet.instrument.get(channel)
-    ways = {Branch.UP: 1.0, Branch.DOWN: -1.0, Branch.HOLD: 0.0}
-    branches = observed.readings.branches(channel, known.noise if known else 0.0)
-    return np.array([ways[branch] for branch in branches])
+    return observed.readings.ways(channel, known.noise if known else 0.0)
 
 
 def _while_held(way: Array) -> Array:

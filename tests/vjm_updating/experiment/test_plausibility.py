@@ -12,12 +12,13 @@ from helpers.measured import needed
 from helpers.small_machines import clamped_bar
 
 from vjm.engines import VjmEngine
+from vjm.io.findings import Grade
 from vjm.io.model_file import load_chain
 from vjm.model.load_case import LoadCase
 from vjm_updating import load_data
 from vjm_updating.experiment import read_measurement
 from vjm_updating.experiment.implausible_readings import last_digit
-from vjm_updating.experiment.plausibility import Grade, plausibility
+from vjm_updating.experiment.plausibility import plausibility
 
 from .conftest import Draft, times
 

@@ -7,7 +7,6 @@ import pytest
 from helpers.command import GAUGE_SHEET
 
 from vjm_updating.experiment import Kind, read_measurement
-from vjm_updating.experiment.readings import Branch
 from vjm_updating.inference.observed import smoothed
 
 from .conftest import Draft
@@ -124,10 +123,9 @@ def test_branches_are_read_off_the_history(draft: Draft):
     draft.header = ["posture", "ux_mm", "fx_N"]
     draft.rows = [["A", f"{v}", f"{3000.0 * v}"] for v in s]
     draft.sheet = draft.sheet.split("[instrument.mx_Nmm]")[0]
-    found = draft.read().readings.branches("ux_mm", 0.001)
+    found = draft.read().readings.ways("ux_mm", 0.001)
     # out, held, back to zero, out to the other side, held
-    expected = [Branch.HOLD] + [Branch.UP] * 8 + [Branch.HOLD] * 4 + [Branch.DOWN] * 8 + [Branch.UP] * 4
-    assert found == expected + [Branch.HOLD] * 3
+    assert found.tolist() == [0.0] + [1.0] * 8 + [0.0] * 4 + [-1.0] * 8 + [1.0] * 4 + [0.0] * 3
 
 
 def test_noise_makes_no_branches(draft: Draft):
@@ -136,9 +134,9 @@ def test_noise_makes_no_branches(draft: Draft):
     s = np.concatenate([np.linspace(0.0, -2.0, 81), np.full(40, -2.0)]) + 0.001 * rng.standard_normal(121)
     draft.rows = [["A", f"{v}", f"{3000.0 * v}"] for v in s]
     draft.sheet = draft.sheet.split("[instrument.mx_Nmm]")[0]
-    found = draft.read().readings.branches("ux_mm", 0.001)
-    assert found[1:81].count(Branch.UP) >= 79
-    assert found[81:].count(Branch.HOLD) >= 39
+    found = draft.read().readings.ways("ux_mm", 0.001)
+    assert np.count_nonzero(found[1:81] == 1.0) >= 79
+    assert np.count_nonzero(found[81:] == 0.0) >= 39
 
 
 MARKS = GAUGE_SHEET + 'held = "target"\n'
