@@ -12,6 +12,7 @@ from functools import cached_property
 from itertools import combinations, pairwise
 
 import numpy as np
+from scipy.special import ndtri
 
 from vjm.rotations import Array
 from vjm_updating.constants import numerical, prior_scale
@@ -28,7 +29,6 @@ from vjm_updating.inference.significance import (
     accident,
     chi2_sf,
     latin_hypercube,
-    normal_quantile,
 )
 from vjm_updating.mechanisms.effect import Effect
 
@@ -466,7 +466,7 @@ def _normal(covariance: Array) -> Array:
     """Errors ``(DRAWS, k)`` of a covariance ``(k, k)``, always the same ones, spread evenly."""
     sizes, axes = np.linalg.eigh(covariance)
     even = latin_hypercube(ESTIMATE_DRAWS, len(covariance), 0)
-    return normal_quantile(even) * np.sqrt(np.maximum(sizes, 0.0)) @ axes.T
+    return ndtri(even) * np.sqrt(np.maximum(sizes, 0.0)) @ axes.T
 
 
 def _with(fit: Fit, own: Sequence[int], z: Array, index: int, force: float) -> dict[str, float]:

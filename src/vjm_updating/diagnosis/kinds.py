@@ -145,6 +145,7 @@ class ColumnTest(RampTest):
     """
 
     name = "column"
+    predictor = ColumnForward
     costs = Costs(third=0.0, disguised=0.0, law_error=0.0)
 
     def applies(self, measurement: Measurement) -> bool:
@@ -154,10 +155,6 @@ class ColumnTest(RampTest):
     def observe(self, measurement: Measurement) -> Observed:
         """What settled at each mark, as long as the deflection grows."""
         return observe_column(measurement)
-
-    def forward(self, observed: Observed) -> ColumnForward:
-        """The elastica with a bow and with bending beyond yield."""
-        return ColumnForward(observed)
 
     def effects(self, observed: Observed, more: Sequence[Maker] = ()) -> list[Effect]:
         """The column's own; effects of a file are made for chains and are not taken."""
@@ -204,7 +201,7 @@ class ColumnTest(RampTest):
 
     def critical_points(self, fitter: Fitter, null: Fit, fit: Fit) -> list[CriticalPointRow]:
         """The column's largest load, where the readings fall again behind it."""
-        forward = self.forward(fitter.forward.observed)
+        forward = ColumnForward(fitter.forward.observed)
         observed = forward.observed
         on = observed.present[:, 0]
         read = -observed.wrench[on, 0]
@@ -234,7 +231,7 @@ class ColumnTest(RampTest):
     def parameters(self, fitter: Fitter, fit: Fit, values: Mapping[str, ValueRow]) -> dict[str, ValueRow | str]:
         """Where the column begins to yield, and from where on that shows."""
         result: dict[str, ValueRow | str] = {}
-        forward = self.forward(fitter.forward.observed)
+        forward = ColumnForward(fitter.forward.observed)
         onset = forward.first_yield(fit.found, fit.at.z, fit.hypothesis)
         if onset is not None:
             stress = values["plasticity.yield_stress_MPa"]
@@ -288,6 +285,7 @@ class JointTest(RampTest):
     """
 
     name = "joint"
+    predictor = JointForward
     # a law is read over its own torque and turn, which are what the discrepancy's shapes go with
     costs = Costs(third=0.0, off_sheet=True, other_shapes=False)
 
@@ -298,10 +296,6 @@ class JointTest(RampTest):
     def observe(self, measurement: Measurement) -> Observed:
         """All readings with a motion and a load."""
         return observe_joint(measurement)
-
-    def forward(self, observed: Observed) -> JointForward:
-        """The joint's law."""
-        return JointForward(observed)
 
     def effects(self, observed: Observed, more: Sequence[Maker] = ()) -> list[Effect]:
         """The joint's own, and the instruments'; effects of a file are made for chains and are not taken."""
@@ -427,6 +421,7 @@ class LoadTest(RampTest):
     """The kind of a test by force; see `vjm_updating.inference.observed`."""
 
     name = "loads"
+    predictor = LoadForward
 
     def applies(self, measurement: Measurement) -> bool:
         """Where loads were imposed on a machine that bears them, or its pose is not wholly known."""
@@ -435,10 +430,6 @@ class LoadTest(RampTest):
     def observe(self, measurement: Measurement) -> Observed:
         """All readings with every load and a displacement."""
         return observe_loads(measurement)
-
-    def forward(self, observed: Observed) -> LoadForward:
-        """Equilibria under the loads."""
-        return LoadForward(observed)
 
     def effects(self, observed: Observed, more: Sequence[Maker] = ()) -> list[Effect]:
         """Those of a machine under loads, and the instruments'.

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import ClassVar
 
 import numpy as np
 
@@ -165,6 +166,7 @@ class RampTest:
     """The kind that takes every test, and the base of the others."""
 
     name = "ramps"
+    predictor: ClassVar[type[Predictor]] = Forward
     costs = Costs()
 
     def applies(self, measurement: Measurement) -> bool:
@@ -186,8 +188,8 @@ class RampTest:
         return observe_ramps(measurement)
 
     def forward(self, observed: Observed) -> Predictor:
-        """Equilibria of the chain at the displacements, from tables along rays."""
-        return Forward(observed)
+        """What predicts the readings."""
+        return self.predictor(observed)
 
     def effects(self, observed: Observed, more: Sequence[Maker] = ()) -> list[Effect]:
         """The machine's effects, those of ``more`` included where the kind takes them, and the instruments'."""

@@ -36,11 +36,6 @@ def normal_isf(chance: float) -> float:
     return -float(ndtri(chance))
 
 
-def normal_quantile(chances: Array) -> Array:
-    """What a standard normal number is below with these chances; of their shape."""
-    return ndtri(chances)
-
-
 def student_isf(chance: float, freedom: float) -> float:
     """What a number of Student's distribution is above with this chance."""
     return -float(stdtrit(freedom, chance))

@@ -8,7 +8,6 @@ import numpy as np
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 
-from vjm.rotations import Array
 from vjm_output import optional_drawing
 from vjm_output.plots import PAGE_WIDTH, figure, plain, png
 from vjm_updating.constants import shown
@@ -30,13 +29,13 @@ def map_figure(result: MapResult) -> bytes:
     with figure(3.0, len(levels), sharey=True) as (fig, axes):
         for ax, level in zip(axes, levels, strict=True):
             image = ax.pcolormesh(
-                _edges(x), _edges(y), cube[:, :, level].T, vmin=low, vmax=high, cmap="viridis", rasterized=True
+                x, y, cube[:, :, level].T, vmin=low, vmax=high, cmap="viridis", shading="nearest", rasterized=True
             )
             ax.set_title(f"z = {z[level]:g} mm")
             ax.set_xlabel("x, mm")
             ax.set_aspect("equal")
             # the cells are centred on the poses: what they reach beyond the outermost is no workspace
-            ax.set(xlim=_ends(x), ylim=_ends(y))
+            ax.set(xlim=(x[0], x[-1]), ylim=(y[0], y[-1]))
             ax.grid(False)
         axes[0].set_ylabel("y, mm")
         fig.colorbar(image, ax=axes, label=TITLES[wanted.setting.quantity], shrink=0.8)
@@ -45,19 +44,6 @@ def map_figure(result: MapResult) -> bytes:
         title = plain(f"{wanted.setting.machine.title}: {wanted.setting.engine.label}")
         fig.suptitle(title + white, fontsize=8.5)
         return png(fig)
-
-
-def _ends(centres: Array) -> tuple[float, float]:
-    """What a panel shows: from the first pose to the last, or the one cell where there is but one."""
-    shown = centres if len(centres) > 1 else _edges(centres)
-    return float(shown[0]), float(shown[-1])
-
-
-def _edges(centres: Array) -> Array:
-    if len(centres) == 1:
-        return centres[0] + np.array([-0.5, 0.5])
-    middle = 0.5 * (centres[1:] + centres[:-1])
-    return np.concatenate([[2 * centres[0] - middle[0]], middle, [2 * centres[-1] - middle[-1]]])
 
 
 def render(result: MapResult) -> bytes:
