@@ -141,7 +141,6 @@ DESCRIPTIONS = {
     "vjm-paper": "the paper's model: one spring a link, at its far end, with the printed matrices",
     "vjm": "virtual joint method with --segments n and --foot-segments m; also as vjm-<n> or vjm-<n>f<m>",
     "vjm-linear": "linear stiffness, eq. (5)",
-    "vjm-unloaded-jacobian": "loaded stiffness on the unloaded posture's Jacobians, the earlier literature",
     "msa": "matrix structural analysis: linear beams, the foot as its 6x6 matrix",
     "exudyn": "geometrically exact beam finite elements, foot and bars",
     "exudyn-footspring": "the same with the foot as its 6x6 spring",
@@ -151,8 +150,6 @@ DESCRIPTIONS = {
 
 GROUP = "vjm.engines"
 """Of the entry points by which other packages bring engines."""
-FROZEN = "vjm-unloaded-jacobian"
-"""The engine that stops at its first event by its nature."""
 
 
 @dataclass(frozen=True)
@@ -206,7 +203,7 @@ def engine_by_name(name: str, options: EngineOptions = EngineOptions(), chain: o
         return VjmEngine(int(n), foot, Placement(placement or options.placement), options.parts)
     if name in ("vjm-paper", "vjm"):
         return VjmEngine(parts=options.parts) if name == "vjm-paper" else _vjm(options, chain)
-    if name in ("vjm-linear", "vjm-unloaded-jacobian", "msa"):
+    if name in ("vjm-linear", "msa"):
         return _baseline(name)
     for entry in importlib.metadata.entry_points(group=GROUP):
         if entry.name == name:
@@ -246,11 +243,6 @@ def _vjm(options: EngineOptions, chain: object) -> VjmEngine:
 
 
 def _baseline(name: str) -> Engine:
-    from vjm.baselines import LinearEngine, MsaEngine, UnloadedJacobianEngine
+    from vjm.baselines import LinearEngine, MsaEngine
 
-    known: dict[str, Engine] = {
-        "vjm-linear": LinearEngine(),
-        "vjm-unloaded-jacobian": UnloadedJacobianEngine(),
-        "msa": MsaEngine(),
-    }
-    return known[name]
+    return LinearEngine() if name == "vjm-linear" else MsaEngine()

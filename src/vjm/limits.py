@@ -47,10 +47,6 @@ def _slack_at_rest(chain: Machine, _: LoadCase | None) -> str:
     return next((words for words, law in joints if not law.rest_stiffness > 0.0), "")
 
 
-def _joint_law(chain: Machine, _: LoadCase | None) -> str:
-    return next((words for words, _ in chain.laws), "")
-
-
 def _bowed(chain: Machine, _: LoadCase | None) -> str:
     return next((f"part '{beam.name}'" for beam in chain.beams if any(beam.bow)), "")
 
@@ -75,10 +71,6 @@ def _otherwise_controlled(_: Machine, load_case: LoadCase | None) -> str:
     return "the load case's control" if load_case is not None and load_case.control != RAMP else ""
 
 
-def _more_than_a_pose(_: Machine, load_case: LoadCase | None) -> str:
-    return "the load case" if load_case is not None and not load_case.pose_only else ""
-
-
 def _misassembled(chain: Machine, _: LoadCase | None) -> str:
     return f"{chain.name}" if chain.nominal_ends else ""
 
@@ -97,7 +89,6 @@ SLOPED = Limit(
     _slack_at_rest,
     VJM,
 )
-CONSTANT = Limit("laws of springs", "its springs have a constant stiffness", _joint_law, VJM)
 STRAIGHT = Limit(
     "beams with a bow", "its beams are straight", _bowed, "take vjm with 2 springs a beam or more"
 )  # fmt: skip
@@ -106,12 +97,6 @@ RAMPS = Limit(
     "other control than the ramp",
     "its path is a straight line, which does not turn back",
     _otherwise_controlled,
-    VJM,
-)
-POSE = Limit(
-    "loads, free components and other control than the ramp",
-    "it integrates the wrench of the whole imposed pose",
-    _more_than_a_pose,
     VJM,
 )
 MESHED = Limit(
@@ -131,7 +116,6 @@ BEAMS = Limit("machines without a beam", "it has elements of beams only", _no_be
 
 LIMITS: Mapping[str, tuple[Limit, ...]] = {
     "vjm-linear": (PRESTRESS, SLOPED, ASSEMBLED, RAMPS, PERFECT),
-    "vjm-unloaded-jacobian": (PRESTRESS, CONSTANT, ASSEMBLED, POSE),
     "msa": (PRESTRESS, SLOPED, ASSEMBLED, STRAIGHT, RAMPS, PERFECT),
     "exudyn": (STRAIGHT, MESHED, PERFECT),
     "exudyn-footspring": (STRAIGHT, MESHED_BUT_FOOT, PERFECT),

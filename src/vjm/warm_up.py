@@ -18,12 +18,12 @@ from vjm.engines import VjmEngine
 from vjm.io.machine_file import load_model
 from vjm.io.model_file import load_chain
 from vjm.kernels.derivatives import frame_derivatives
-from vjm.machine.equilibria import equilibria, sensitivities, unloaded_frames
-from vjm.machine.platforms import PlatformBatch
+from vjm.machine.critical_force import CriticalForce
+from vjm.machine.equilibria import equilibria, unloaded_frames
 from vjm.model.load_case import ARC, Load, LoadCase
 from vjm.model.machine import Machine
 from vjm.model.mechanism import Mechanism
-from vjm.model.parameters import compliance_factor, orientation
+from vjm.model.parameters import compliance_factor
 from vjm.model.parts import Joint, RigidOffset
 from vjm.rotations import AXES
 from vjm.sensitivity import wrench_sensitivity
@@ -62,7 +62,6 @@ def postures() -> None:
     hinge = Machine("hinge", (Joint("q", AXES["z"], compliance=1e-8), RigidOffset("link", mass=1.0)))
     states = equilibria(Mechanism(hinge.split()), np.zeros(1), wrench=np.ones(6))
     unloaded_frames(states.model, states.q)
-    sensitivities(states, [orientation(hinge, "link", "x")], wrench=np.ones(6))
     model = states.model
     arrays = model.arrays((0.0, 0.0, 0.0), moments=True)
     commands, naturals = model.values(states.q), model.naturals(states.q)
@@ -71,7 +70,8 @@ def postures() -> None:
 
 def platforms() -> None:
     """A platform on legs, and its smallest critical force."""
-    PlatformBatch(load_model("orthoglide"), VjmEngine()).weakest(np.zeros((1, 6)), 1.0)
+    model = VjmEngine().model(load_model("orthoglide"))
+    CriticalForce(model, 0, 1.0).weakest(model.posture(next(iter(model.chain.postures))))
 
 
 if __name__ == "__main__":

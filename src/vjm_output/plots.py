@@ -174,7 +174,6 @@ FOOT_SPRING = "vjm-16"
 REFINED = "vjm-16f16"
 FE = "exudyn"
 FE_FOOT_SPRING = "exudyn-footspring"
-FROZEN = "vjm-unloaded-jacobian"
 LINEAR = "vjm-linear"
 MSA = "msa"
 
@@ -211,7 +210,6 @@ ENGINES: dict[str, EngineStyle] = {
     REFINED: EngineStyle("#56B4E9", (0, (4, 2)), 1.8, 2.8, "lumped, 16 springs in bar and in foot"),
     FOOT_SPRING: EngineStyle("#0072B2", (0, (5, 1.5, 1, 1.5)), 1.5, 2.7, "lumped, 16 springs in bar, one in foot"),
     PAPER: EngineStyle("#D55E00", "-", 1.8, 3.0, "the paper's model, one spring a link"),
-    FROZEN: EngineStyle("#CC79A7", (0, (3, 1, 1, 1, 1, 1)), 1.4, 2.2, "Jacobians of the unloaded posture"),
     LINEAR: EngineStyle("#8C8C8C", (0, (8, 3)), 1.1, 2.1, "linear, eq. (5)"),
     MSA: EngineStyle("#E69F00", (0, (2, 3)), 1.6, 2.1, "linear matrix structural analysis"),
 }

@@ -13,7 +13,8 @@ import numpy as np
 
 from vjm.engines import VjmEngine
 from vjm.io.machine_file import load_model
-from vjm.machine.platforms import PlatformBatch
+from vjm.machine.equilibria import equilibria
+from vjm.machine.rigid_mechanism import Closing, home_label
 from vjm_updating.maps.evaluate import OK, MapQuantity, MapSetting, MapTask, evaluate
 from vjm_updating.maps.grid import parsed_grid, points_of
 
@@ -23,20 +24,24 @@ RUNS = 8
 """Of which the fastest counts: what other programs take is not the code's."""
 
 
-def equilibria():
+def platforms():
     """Equilibria of the paper's chains along a scan of the workspace, inverse kinematics included.
 
     Each platform is under a force of its own, 240 N on average.
     """
     robot = load_model(ROBOT)
-    batch = PlatformBatch(robot, VjmEngine())
+    model, closing = VjmEngine().model(robot), Closing(robot, home_label(robot))
     axes = [np.linspace(a, b, 28) for a, b in zip(*robot.workspace, strict=True)]
     scan = np.array(np.meshgrid(*axes, indexing="ij")).reshape(3, -1).T[:POSES]
-    wrenches = np.zeros((len(scan), 6))
-    wrenches[:, :3] = 150.0 * np.random.default_rng(0).standard_normal((len(scan), 3))
+    wrenches = np.zeros((len(scan), 1, 6))
+    wrenches[:, 0, :3] = 150.0 * np.random.default_rng(0).standard_normal((len(scan), 3))
     poses = np.hstack([scan, np.zeros_like(scan)])
-    batch.equilibria(poses[:2], wrenches[:2])
-    return lambda: int(batch.equilibria(poses, wrenches).solved.sum())
+
+    def solved(rows):
+        return int(equilibria(model, closing.all_displaced(poses[:rows])[0], wrench=wrenches[:rows]).stable.sum())
+
+    solved(2)
+    return lambda: solved(POSES)
 
 
 def weakest():
@@ -50,7 +55,7 @@ def weakest():
     return lambda: evaluate(task).why.count(OK)
 
 
-WORKS = {"equilibria": equilibria, "weakest": weakest}
+WORKS = {"equilibria": platforms, "weakest": weakest}
 
 
 def member(name, together, answers):

@@ -10,7 +10,7 @@ from vjm.engines import VjmEngine
 from vjm.io.machine_file import load_model
 from vjm.machine.critical_force import CriticalForce
 from vjm.machine.equilibria import equilibria
-from vjm.machine.platforms import PlatformBatch
+from vjm.machine.rigid_mechanism import Closing, home_label
 from vjm.model.machine import Machine
 from vjm.model.mechanism import Mechanism
 from vjm.model.parts import Joint, RigidOffset
@@ -46,11 +46,6 @@ def test_an_arm_in_many_postures_under_its_weight(record):
 
 def searched(name):
     """A machine's model, and coordinates of a pose without a load."""
-    if name in ("delta", "par2"):
-        batch = PlatformBatch(load_model(name), VjmEngine())
-        q, reached = batch.closed(np.zeros((1, 6)))
-        assert reached.all()
-        return batch.model, q[0]
     chain = vjm.load(name)
     model = VjmEngine().model(chain)
     return model, model.posture(next(iter(chain.postures)))
@@ -59,23 +54,19 @@ def searched(name):
 @pytest.mark.parametrize("name", ["delta", "par2", "hexapod"])
 def test_a_pose_of_a_platform(name, record):
     force = np.array([30.0, -20.0, 10.0, 0.0, 0.0, 0.0])
-    if name == "hexapod":
-        model, q = searched(name)
-        rows = np.tile(q, (POSES, 1))
-
-        def work():
-            return equilibria(model, rows, wrench=force).found
-
-    else:
+    model, q = searched(name)
+    rows, closing = np.tile(q, (POSES, 1)), None
+    if name != "hexapod":
         robot = load_model(name)
-        batch = PlatformBatch(robot, VjmEngine())
+        closing = Closing(robot, home_label(robot))
         low, high = robot.workspace
         poses = np.zeros((POSES, 6))
         # a scan: neighbours next to one another
         poses[:, :3] = low + np.linspace(0.1, 0.9, POSES)[:, None] * (high - low)
 
-        def work():
-            return batch.equilibria(poses, force).solved
+    def work():
+        q = rows if closing is None else closing.all_displaced(poses)[0]
+        return equilibria(model, q, wrench=force).stable
 
     assert work().all()
     value = 1e3 * fastest(work) / POSES

@@ -134,8 +134,6 @@ def test_what_cannot_take_a_law_says_so():
         ValueError, match="joint 'elbow': msa does not take laws of springs without a slope at rest"
     ):
         vjm.stiffness(arm(DeadZone(1e7, 2e-3)), wrench=across(1.0), engine="msa")
-    with pytest.raises(ValueError, match="vjm-unloaded-jacobian does not take laws of springs"):
-        vjm.stiffness(arm(GEAR), displacement=across(1.0), engine="vjm-unloaded-jacobian")
     with pytest.raises(SheetError, match="joint 'elbow' has a law, and tests take constant stiffnesses only"):
         refuse_laws(arm(GEAR), "sheet.toml")
     left_out = vjm.robot_text(arm(GEAR), "urdf").left_out

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from helpers.closed_machines import two_legs, y_tree
+from helpers.parameters import joint_compliance, orientation
 
 from vjm.continuation.lumped_problem import LumpedProblem
 from vjm.continuation.path import EventKind
@@ -18,8 +19,6 @@ from vjm.model.parameters import (
     beam_length,
     compliance_entry,
     compliance_factor,
-    joint_compliance,
-    orientation,
     section_value,
 )
 from vjm.model.parts import RigidOffset
@@ -344,23 +343,6 @@ def test_an_offset_and_a_joint_turn_with_what_is_behind(soft):
     assert turned.parts[0].transform[:2, 3] == pytest.approx([10.0 * np.cos(0.1), 10.0 * np.sin(0.1)], rel=1e-15)
     joint = orientation(chain, "q2", "x").apply(chain, np.pi / 2.0)
     assert joint.joints[1].axis == pytest.approx([0.0, -1.0, 0.0], abs=1e-15)
-
-
-@pytest.mark.parametrize(("make", "said"), [
-    (lambda c: joint_compliance(c, "actuator"), "rigid"),
-    (lambda c: joint_compliance(c, "foot"), "no joint"),
-    (lambda c: beam_length(c, "q1"), "no beam"),
-    (lambda c: beam_length(c, "arm"), "no part 'arm'"),
-    (lambda c: compliance_entry(c, "foot", 0, 7), "(1,1) to (6,6)"),
-    (lambda c: section_value(c, "foot", "GAy"), "infinite"),
-    (lambda c: section_value(c, "foot", "E"), "not E"),
-    (lambda c: orientation(c, "foot", "w"), "not w"),
-    (lambda c: Parameter("p", "1", 0.0, 0.0, lambda c, v: c), "scale positive"),
-])  # fmt: skip
-def test_what_is_no_parameter_is_refused(chain, make, said):
-    with pytest.raises(ValueError) as refusal:
-        make(chain)
-    assert said in str(refusal.value)
 
 
 def test_path_of_another_engine_and_new_coordinates_are_refused(soft, chain, traced):

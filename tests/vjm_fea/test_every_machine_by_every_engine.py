@@ -23,8 +23,8 @@ from vjm.model.machine import Machine
 from vjm.model.parts import Beam, Joint, RigidOffset, Section
 from vjm.rotations import AXES, rotation_from_vector, translation
 
-ENGINES = ("vjm", "vjm-paper", "vjm-linear", "vjm-unloaded-jacobian", "msa", "exudyn", "opensees")
-LINEAR = ("vjm-linear", "vjm-unloaded-jacobian", "msa")
+ENGINES = ("vjm", "vjm-paper", "vjm-linear", "msa", "exudyn", "opensees")
+LINEAR = ("vjm-linear", "msa")
 SPRINGS = 4
 """In every beam of engine ``vjm`` here; its truth has the same."""
 FINE = 16

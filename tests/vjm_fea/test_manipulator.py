@@ -109,7 +109,7 @@ def test_a_platform_let_go_in_part_moves_as_in_exudyn(name, axis, to, free):
     assert np.all(np.abs(ours.displacement[gone]) > 1e-4)
 
 
-@pytest.mark.parametrize("engine", ["vjm-linear", "vjm-unloaded-jacobian", "msa", "opensees"])
+@pytest.mark.parametrize("engine", ["vjm-linear", "msa", "opensees"])
 def test_engines_that_begin_without_forces_refuse_errors_of_assembly(engine):
     machine = assembled(load_model("orthoglide"), {"x/link": 0.2})
     with pytest.raises(ValueError, match=r"does not take errors of assembly: .* take vjm or exudyn"):

@@ -12,7 +12,6 @@ from itertools import combinations
 import numpy as np
 
 from vjm.continuation.path import EventKind, Path
-from vjm.engines import FROZEN
 from vjm.io.findings import Finding, Grade
 from vjm_fea.opensees.beams import MISSING
 from vjm_output.documents import Row
@@ -77,15 +76,14 @@ def solver_rows(paths: Mapping[Key, Path]) -> list[AcceptanceRow]:
 
     No rows where no path was followed: of nothing everything holds.
     """
-    followed = {key: path for key, path in paths.items() if key.engine != FROZEN}
-    if not followed:
+    if not paths:
         return []
-    early = [f"{key.stem}: {path.stopped}" for key, path in followed.items() if not path.complete]
-    residuals = [p.residual for path in followed.values() for p in path.points]
-    unstable = [f"{key.stem} at {p.s:.4g}" for key, path in followed.items() for p in path.points if p.unstable > 0]
+    early = [f"{key.stem}: {path.stopped}" for key, path in paths.items() if not path.complete]
+    residuals = [p.residual for path in paths.values() for p in path.points]
+    unstable = [f"{key.stem} at {p.s:.4g}" for key, path in paths.items() for p in path.points if p.unstable > 0]
     lost = [
         f"{key.stem} at {event.s:.4g}"
-        for key, path in followed.items()
+        for key, path in paths.items()
         for event in path.events
         if event.kind is EventKind.BIFURCATION and not event.switched
     ]

@@ -1,6 +1,6 @@
-"""Conventional stiffness models to compare with: linear (5), frozen Jacobians, matrix structural analysis."""
+"""Conventional stiffness models to compare with: linear (5), and matrix structural analysis."""
 
-from vjm.baselines.linear import LinearEngine, UnloadedJacobianEngine
+from vjm.baselines.linear import LinearEngine
 from vjm.baselines.msa import MsaEngine
 
-__all__ = ["LinearEngine", "MsaEngine", "UnloadedJacobianEngine"]
+__all__ = ["LinearEngine", "MsaEngine"]

@@ -407,25 +407,6 @@ def _points(chain: Machine, load_case: LoadCase | None) -> dict[str, tuple[float
     return {part: tuple(sorted(fractions)) for part, fractions in points.items()}
 
 
-def msa_stiffness(chain: Machine, posture: Array) -> Array:
-    """Stiffness ``(6, 6)`` at the end-effector by matrix structural analysis, N, mm, rad, world axes.
-
-    Args:
-        chain: as for `msa_machine`.
-        posture: passive coordinates ``(n_q,)`` rad or mm.
-
-    Raises:
-        ValueError: a spring is under stress in the posture, or the machine is rigid in some direction.
-
-    Example:
-        >>> from vjm.model.parts import Section
-        >>> beam = Beam("beam", 100.0, section=Section(1e6, 1e9, 1e9, 1e9))
-        >>> float(round(msa_stiffness(Machine("cantilever", (beam,)), np.zeros(0))[0, 0]))
-        10000
-    """
-    return msa_machine(chain, posture).end_stiffness()
-
-
 @dataclass(frozen=True)
 class MsaEngine:
     """Matrix structural analysis of the unloaded posture: a straight line."""

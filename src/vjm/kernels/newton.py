@@ -11,7 +11,7 @@ import numpy as np
 from vjm.kernels.arrays import Floats, Ints, MachineArrays, Work
 from vjm.kernels.border import assemble, factor, invert, solve
 from vjm.kernels.compilation import entry, kernel
-from vjm.kernels.elimination import eliminate, load, move
+from vjm.kernels.elimination import eliminate, move
 from vjm.kernels.statics import (
     behind,
     gather,
@@ -409,9 +409,9 @@ def settled(
 @entry
 def residuals_of(
     model: MachineArrays, work: Work, commands: Floats, naturals: Floats, homes: Floats, end_wrench: Floats,
-    x: Floats, wrench: Floats, residual: Floats, gap: Floats, end_R: Floats, end_p: Floats,
+    x: Floats, wrench: Floats, residual: Floats, gap: Floats,
 ) -> None:  # fmt: skip
-    """Residuals ``(g, n)``, closures' gaps ``(g, f)`` and end frames at coordinates that need not be equilibria.
+    """Residuals ``(g, n)`` and closures' gaps ``(g, f)`` at coordinates that need not be equilibria.
 
     See `equilibria_of` for the arguments.
     """
@@ -422,7 +422,6 @@ def residuals_of(
         acting = end_wrench[g if len(end_wrench) > 1 else 0]
         linearise(model, commands[g], naturals[g], x[g], acting, 1.0, False, work)
         residual[g], gap[g] = work.r, work.gap
-        end_R[g], end_p[g] = work.end_R, work.end_p
 
 
 @entry
@@ -436,53 +435,3 @@ def frames_at(
         place(model, commands[g], still, work)
         for k in range(len(joint)):
             behind(work.R, work.p, joint[k], R_own[k], p_own[k], R[g, k], p[g, k])
-
-
-@entry
-def responses_of(
-    model: MachineArrays, work: Work, commands: Floats, naturals: Floats, homes: Floats, end_wrench: Floats,
-    x: Floats, wrench: Floats, right: Floats, gap: Floats, moved: Floats,
-) -> None:  # fmt: skip
-    """Motions of the end frames that residuals ``right`` (g, k, n) and gaps (g, k, f) bring at equilibria.
-
-    ``moved`` (g, k, e, 6) is written; see `equilibria_of` for the other arguments.
-    """
-    for g in range(len(x)):
-        place(model, commands[g], homes[g if len(homes) > 1 else 0], work)
-        turn_followers(model, work)
-        work.wrench[:] = wrench[g]
-        acting = end_wrench[g if len(end_wrench) > 1 else 0]
-        linearise(model, commands[g], naturals[g], x[g], acting, 1.0, True, work)
-        for k in range(right.shape[1]):
-            load(model, right[g, k], gap[g, k], work)
-            solve(model, work)
-            move(model, False, work)
-            for e in range(len(model.end_joint)):
-                twist_of(model, work, e, moved[g, k, e])
-
-
-@kernel
-def twist_of(model: MachineArrays, work: Work, e: int, out: Floats) -> None:
-    """Twist ``(6,)`` of an end frame by ``work.step``, along the joints before it."""
-    out[:] = 0.0
-    j = model.end_joint[e]
-    while j >= 0:
-        c = model.coordinate[j]
-        if c >= 0:
-            d = model.factor[j] * work.step[c]
-            w0, w1, w2 = d * work.w[j, 0], d * work.w[j, 1], d * work.w[j, 2]
-            if model.rotary[j]:
-                r0 = work.end_p[e, 0] - work.o[j, 0]
-                r1 = work.end_p[e, 1] - work.o[j, 1]
-                r2 = work.end_p[e, 2] - work.o[j, 2]
-                out[0] += w1 * r2 - w2 * r1
-                out[1] += w2 * r0 - w0 * r2
-                out[2] += w0 * r1 - w1 * r0
-                out[3] += w0
-                out[4] += w1
-                out[5] += w2
-            else:
-                out[0] += w0
-                out[1] += w1
-                out[2] += w2
-        j = model.parent[j]

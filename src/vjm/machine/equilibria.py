@@ -1,4 +1,4 @@
-"""Equilibria of a machine in many postures at once, their loaded stiffness K^F, and derivatives by parameters.
+"""Equilibria of a machine in many postures at once, and their loaded stiffness K^F.
 
     model = Mechanism(chain.split())
     found = equilibria(model, q, gravity=(0.0, 0.0, -9.81))
@@ -14,7 +14,6 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from vjm.errors import NoConvergenceError
 from vjm.kernels.arrays import MachineArrays, Work, machine_object, work_object, workspace
 from vjm.kernels.derivatives import refuse_moments
 from vjm.kernels.newton import (
@@ -25,16 +24,10 @@ from vjm.kernels.newton import (
     equilibria_of,
     frames_at,
     residuals_of,
-    responses_of,
 )
 from vjm.model.load_case import Load
 from vjm.model.mechanism import Gravity, Mechanism
-from vjm.model.parameters import Parameter
 from vjm.rotations import Array
-
-STEP = 1e-3
-"""Change of a parameter, over its scale, by which residuals are differenced: errors of its fourth power,
-1e-12, and of rounding over it, 1e-13."""
 
 
 @dataclass(frozen=True)
@@ -216,56 +209,6 @@ def objects(arrays: MachineArrays) -> tuple[MachineArrays, Work]:
     return machine_object(arrays._replace(spring=arrays.spring.copy())), work_object(workspace(arrays))
 
 
-def sensitivities(
-    states: Equilibria,
-    parameters: Sequence[Parameter],
-    *,
-    gravity: Gravity | None = None,
-    wrench: Array | None = None,
-    loads: Sequence[Load] = (),
-) -> Array:
-    """Derivatives of the end frames of `equilibria` by parameters of the machine, at the same loads.
-
-    By the implicit function theorem: ``A dx/dp = ∂r/∂p`` with the tangent A; what the residual r and the frames
-    change by at constant coordinates is differenced.
-
-    Returns:
-        ``(g, e, 6, n_p)``: velocity of the end frame and its angular velocity, world axes, mm and rad per unit of
-        the parameter.
-
-    Raises:
-        ValueError: a parameter changes which coordinates the machine has.
-        NoConvergenceError: a posture has no equilibrium.
-    """
-    if not states.found.all():
-        raise NoConvergenceError(f"posture {int(np.argmin(states.found))} has no equilibrium: no derivatives")
-    model, q, x = states.model, states.q, states.x
-    g, n, e, k = len(q), model.coordinates, len(model.ends), len(parameters)
-    F = _wrenches(wrench, g, e)
-    arrays = _arrays(model, gravity, loads, F)
-    right, gap, own = np.zeros((g, k, n)), np.zeros((g, k, int(arrays.size[2]))), np.zeros((g, k, e, 6))
-    for i, parameter in enumerate(parameters):
-        # Richardson's extrapolation of two central differences
-        for h, share in ((STEP * parameter.scale, -1.0 / 3.0), (0.5 * STEP * parameter.scale, 4.0 / 3.0)):
-            (r1, g1, R1, p1), (r0, g0, R0, p0) = (
-                _residuals(Mechanism(chain), states, F, gravity, loads)
-                for chain in (parameter.apply(model.chain, parameter.value + s) for s in (h, -h))
-            )
-            share /= 2.0 * h
-            right[:, i] += share * (r1 - r0)
-            gap[:, i] += share * (g1 - g0)
-            own[:, i, :, :3] += share * (p1 - p0)
-            spin = (R1 - R0) @ np.swapaxes(states.rotation, -1, -2)
-            pairs = [spin[..., c, b] - spin[..., b, c] for b, c in ((1, 2), (2, 0), (0, 1))]
-            own[:, i, :, 3:] += 0.5 * share * np.stack(pairs, axis=-1)
-    moved = np.zeros((g, k, e, 6))
-    responses_of(
-        *objects(arrays), model.values(q), model.naturals(q), np.zeros((1, n)), F, x, states.closures, right, gap,
-        moved,
-    )  # fmt: skip
-    return np.moveaxis(moved + own, 1, -1)
-
-
 def largest_residual(
     states: Equilibria,
     *,
@@ -280,30 +223,18 @@ def largest_residual(
     """
     model = states.model
     F = _wrenches(wrench, len(states.q), len(model.ends))
-    r, gap, _, _ = _residuals(model, states, F, gravity, loads)
-    arrays = model.arrays()
+    arrays, q, x = _arrays(model, gravity, loads, F), states.q, states.x
+    r, gap = np.zeros_like(x), np.zeros_like(states.closures)
+    residuals_of(
+        *objects(arrays), model.values(q), model.naturals(q), np.zeros((1, model.coordinates)), F, x,
+        states.closures, r, gap,
+    )  # fmt: skip
     unit, wrench_unit = arrays.unit, np.ones(states.closures.shape[1])
     for first in arrays.closure_first[:-1]:
         wrench_unit[first : first + 3] = model.reach
     acting = max(np.abs(states.torques).max(initial=0.0), np.abs(states.closures * wrench_unit).max(initial=0.0))
     lacking = float(np.nanmax(np.abs(r) * unit, initial=0.0)) / max(float(acting), 1.0)
     return max(lacking, float(np.nanmax(np.abs(gap), initial=0.0)) / model.reach)
-
-
-def _residuals(
-    changed: Mechanism, states: Equilibria, wrench: Array, gravity: Gravity | None, loads: Sequence[Load]
-) -> tuple[Array, Array, Array, Array]:
-    """Residuals ``(g, n)``, closures' gaps ``(g, f)`` and end frames of a machine at another's equilibria."""
-    model, q, x = states.model, states.q, states.x
-    if changed.coordinates != model.coordinates or changed.joints != model.joints:
-        raise ValueError(f"{model.chain.name}: a parameter that adds or takes away a spring has no derivative")
-    g, e = len(q), len(model.ends)
-    r, gap, R, p = np.zeros_like(x), np.zeros_like(states.closures), np.zeros((g, e, 3, 3)), np.zeros((g, e, 3))
-    residuals_of(
-        *objects(_arrays(changed, gravity, loads, wrench)), changed.values(q), changed.naturals(q),
-        np.zeros((1, model.coordinates)), wrench, x, states.closures, r, gap, R, p,
-    )  # fmt: skip
-    return r, gap, R, p
 
 
 def unloaded_frames(model: Mechanism, q: Array | Mapping[str, float]) -> tuple[Array, Array]:

@@ -1,4 +1,4 @@
-"""The parameters of a chain that its behaviour can be differentiated by: compliances, stiffnesses, lengths, angles.
+"""The parameters of a chain that its behaviour can be differentiated by: compliances, stiffnesses, lengths.
 
 A `Parameter` knows its present value and how to make the same chain with another one. The functions here make the
 common ones from a chain; any other is a `Parameter` with an ``apply`` of one's own.
@@ -12,8 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from vjm.model.machine import Machine
-from vjm.model.parts import Beam, Joint, Part, RigidOffset
-from vjm.rotations import AXES, frame, rotation_from_vector
+from vjm.model.parts import Beam, Part
 
 SECTION_VALUES = ("EA", "GJ", "EIy", "EIz", "GAy", "GAz")
 """Stiffnesses of a `vjm.model.parts.Section`."""
@@ -115,77 +114,10 @@ def beam_length(chain: Machine, part: str) -> Parameter:
     return Parameter(f"{part} length", "mm", value, value, apply)
 
 
-def orientation(chain: Machine, part: str, axis: str) -> Parameter:
-    """Turn of a part about an axis x, y or z of the chain frame at its root, in rad from how it stands.
-
-    A beam turns with its tip, an offset with all behind it, an actuator or a joint with its axis.
-    """
-    given = _part(chain, part)
-    if axis not in AXES:
-        raise ValueError(f"part '{part}': the axis is one of {', '.join(AXES)}, not {axis}")
-
-    def apply(chain: Machine, value: float) -> Machine:
-        R = rotation_from_vector(AXES[axis] * value)
-        now = _part(chain, part)
-        match now, given:
-            case Beam(), Beam():
-                return _with(chain, replace(now, own_frame=R @ given.own_frame))
-            case RigidOffset(), RigidOffset():
-                return _with(chain, replace(now, transform=frame(R) @ given.transform))
-            case Joint(), Joint():
-                return _with(chain, replace(now, axis=R @ given.axis))
-            case _:
-                raise ValueError(f"part '{part}' is no longer the {type(given).__name__} that it was")
-
-    return Parameter(f"{part} turn about {axis}", "rad", 0.0, 1.0, apply)
-
-
-def joint_compliance(chain: Machine, joint: str, axis: str = "own") -> Parameter:
-    """Compliance of a joint about or along its axis, or about one of the two others.
-
-    Args:
-        chain: the machine.
-        joint: its name; it is not one that moves freely.
-        axis: ``own``, or ``lateral-1`` and ``lateral-2`` for the two others, see `vjm.model.parts.joint_axes`.
-
-    Raises:
-        ValueError: no such joint or axis, a 6×6 compliance, or a rigid one: from zero upwards it adds a coordinate.
-    """
-    part, names = _joint(chain, joint), ("own", "lateral-1", "lateral-2")
-    if part.free or part.matrix is not None:
-        raise ValueError(f"part '{joint}' is no joint with a compliance about or along single axes")
-    if axis not in names:
-        raise ValueError(f"joint '{joint}': a compliance is one of {', '.join(names)}, not {axis}")
-    which = names.index(axis)
-    value = part.compliances[which]
-    if value <= 0.0:
-        raise ValueError(f"joint '{joint}' is rigid there: give it a compliance above zero to differentiate by it")
-
-    def apply(chain: Machine, value: float) -> Machine:
-        if value <= 0.0:
-            raise ValueError(f"joint '{joint}': a compliance must stay above zero, not {value}")
-        return _with(chain, _joint(chain, joint).with_compliance(which, value))
-
-    unit = "mm/N" if axis == "own" and part.slides else "rad/(N mm)"
-    return Parameter(f"{joint} {axis} compliance", unit, value, value, apply)
-
-
-def _part(chain: Machine, name: str) -> Part:
-    for part in chain.parts:
-        if part.name == name:
-            return part
-    raise ValueError(f"{chain.name}: no part '{name}'; it has {', '.join(part.name for part in chain.parts)}")
-
-
-def _joint(chain: Machine, name: str) -> Joint:
-    part = _part(chain, name)
-    if not isinstance(part, Joint):
-        raise ValueError(f"part '{name}' is no joint")
-    return part
-
-
 def _beam(chain: Machine, name: str) -> Beam:
-    part = _part(chain, name)
+    part = next((part for part in chain.parts if part.name == name), None)
+    if part is None:
+        raise ValueError(f"{chain.name}: no part '{name}'; it has {', '.join(part.name for part in chain.parts)}")
     if not isinstance(part, Beam):
         raise ValueError(f"part '{name}' is no beam")
     return part

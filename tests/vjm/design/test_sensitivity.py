@@ -6,6 +6,7 @@ from importlib import resources
 import numpy as np
 import pytest
 from helpers.file_texts import model_text, table_text
+from helpers.parameters import joint_compliance
 
 import vjm
 from vjm.design import sensitivity as module
@@ -19,7 +20,7 @@ from vjm.io.errors import ModelFileError
 from vjm.io.file_parameters import MachineFiles
 from vjm.model.load_case import Load
 from vjm.model.machine import Machine
-from vjm.model.parameters import beam_length, compliance_factor, joint_compliance, section_value
+from vjm.model.parameters import beam_length, compliance_factor, section_value
 from vjm.model.parts import Beam, Joint, Section
 from vjm.rotations import AXES
 

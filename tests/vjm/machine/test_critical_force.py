@@ -9,7 +9,7 @@ from vjm.engines import VjmEngine
 from vjm.io.machine_file import load_model
 from vjm.machine.critical_force import CriticalForce, Weakest
 from vjm.machine.critical_search import TOLERANCE
-from vjm.machine.platforms import PlatformBatch
+from vjm.machine.rigid_mechanism import Closing, home_label
 from vjm.model.load_case import COMPONENTS, TO_LIMIT, Load, LoadCase
 from vjm.model.machine import Machine
 from vjm.model.mechanism import Mechanism
@@ -119,15 +119,15 @@ def test_no_direction_of_many_is_weaker_for_arms_and_closed_loops(machine: str):
 def test_no_direction_of_many_is_weaker_for_platforms(machine: str):
     """Two poses, 60 directions each by a force that goes up; and those beside the one that is found."""
     robot = load_model(machine)
-    batch = PlatformBatch(robot, VjmEngine())
+    model = VjmEngine().model(robot)
     low, high = robot.workspace
     rng = np.random.default_rng(2)
     poses = np.zeros((2, 6))
     poses[1, :3] = rng.uniform(low, high)
-    q, reached = batch.closed(poses)
-    assert reached.all()
-    for row, found in zip(q, batch.weakest(poses, 20_000.0), strict=True):
-        held_to_directions(found, batch.model, row)
+    q, why = Closing(robot, home_label(robot)).all_displaced(poses)
+    assert not any(why)
+    for row, found in zip(q, CriticalForce(model, 0, 20_000.0).each(q), strict=True):
+        held_to_directions(found, model, row)
 
 
 def held_to_directions(found: Weakest, model: Mechanism, q: np.ndarray) -> None:

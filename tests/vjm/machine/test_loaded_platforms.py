@@ -16,9 +16,11 @@ from vjm.continuation.load_stepping import follow
 from vjm.continuation.path import EventKind
 from vjm.engines import VjmEngine
 from vjm.io.machine_file import load_model
+from vjm.machine.critical_force import CriticalForce
 from vjm.machine.critical_search import TOLERANCE
+from vjm.machine.equilibria import equilibria
 from vjm.machine.inverse_kinematics import ReachError
-from vjm.machine.platforms import PlatformBatch, assembled, leg_wrenches, yielding_legs
+from vjm.machine.platforms import assembled, leg_wrenches, yielding_legs
 from vjm.machine.rigid_mechanism import Closing, home_label
 from vjm.model.load_case import ARC, COMPONENTS, TO_LIMIT, Load, LoadCase, PointControl
 from vjm.model.parts import Joint
@@ -284,8 +286,20 @@ SLACK = 2.0 * TOLERANCE
 
 
 @cache
-def machine(name="orthoglide"):
-    return PlatformBatch(load_model(name), VjmEngine())
+def orthoglide():
+    """Its model, and its loops as they close."""
+    machine = load_model("orthoglide")
+    return VjmEngine().model(machine), Closing(machine, home_label(machine))
+
+
+def closed(poses, closing=None):
+    q, why = (closing or orthoglide()[1]).all_displaced(np.asarray(poses, dtype=float))
+    assert not any(why)
+    return q
+
+
+def weakest(poses):
+    return CriticalForce(orthoglide()[0], 0, 2e4).each(closed(poses))
 
 
 def label(pose):
@@ -300,8 +314,10 @@ def test_a_batch_is_what_single_platforms_are(robot, name):
     size = 20.0 if name in ("delta", "par2") else 200.0
     wrenches = rng.standard_normal((4, 6)) * np.repeat([size, 10.0 * size], 3)
     engine = VjmEngine() if name == "orthoglide" else VjmEngine(2)
-    found = PlatformBatch(robot(name), engine).equilibria(poses, wrenches)
-    assert found.solved.all()
+    closing = Closing(robot(name), home_label(robot(name)))
+    q = closed(poses, closing)
+    states = equilibria(engine.model(robot(name)), q, wrench=wrenches[:, None])
+    assert states.stable.all()
     for k, pose in enumerate(poses):
         load = Load(tuple(wrenches[k]))
         load_case = LoadCase(label(pose), 1.0, "load", loads=(load,), free=COMPONENTS, steps=3)
@@ -310,24 +326,22 @@ def test_a_batch_is_what_single_platforms_are(robot, name):
         point = follow(problem, load_case).points[-1]
         drives = list(posed.held[load_case.posture].values())
         # the error measured is rounding alone
-        assert found.drives[k] == pytest.approx(drives, abs=1e-8)
-        assert found.displacement[k] == pytest.approx(point.displacement, abs=1e-7)
-        assert np.abs(found.stiffness[k] - point.stiffness).max() < 1e-7 * np.abs(point.stiffness).max()
-        forces = leg_wrenches(problem, point)[:, :3]
-        assert found.forces[k] == pytest.approx(forces, abs=1e-6 * np.abs(forces).max())
+        assert q[k, ~closing.tree.passive] == pytest.approx(drives, abs=1e-8)
+        assert states.deflection[k, 0] == pytest.approx(point.displacement, abs=1e-7)
+        assert np.abs(states.stiffness[k, 0] - point.stiffness).max() < 1e-7 * np.abs(point.stiffness).max()
 
 
-def test_poses_out_of_reach_and_unstable_ones_are_no_answers():
-    poses = np.array([[0.0, 0, 0, 0, 0, 0], [50.0, 0, 0, 0, 0, 0], [0, 300, 300, 0, 0, 0], [0, 0, 0, 0, 0, 0]])
-    found = machine().equilibria(poses, np.array([[3000.0, 0, 0, 0, 0, 0]] * 3 + [[-3000.0, 0, 0, 0, 0, 0]]))
-    assert found.why.tolist() == ["unstable", "unstable", "out of reach", ""]
-    assert np.isnan(found.displacement[:3]).all()
-    assert found.displacement[3, 0] == pytest.approx(-0.91, abs=0.01)
+def test_what_one_spring_a_link_bears_when_pressed_it_does_not_when_pulled():
+    model, _ = orthoglide()
+    forces = np.array([[[3000.0, 0, 0, 0, 0, 0]]] * 2 + [[[-3000.0, 0, 0, 0, 0, 0]]])
+    states = equilibria(model, closed([[0.0] * 6, [50.0, 0, 0, 0, 0, 0], [0.0] * 6]), wrench=forces)
+    assert states.stable.tolist() == [False, False, True]
+    assert states.deflection[2, 0, 0] == pytest.approx(-0.91, abs=0.01)
 
 
 @pytest.mark.parametrize("pose", ["Q1", "Q2"])
 def test_along_the_weakest_direction_a_path_has_its_bifurcation(robot, pose):
-    weak = machine().weakest(robot("orthoglide").poses[pose][None], 2e4)[0]
+    (weak,) = weakest(robot("orthoglide").poses[pose][None])
     load = Load((*weak.direction.tolist(), 0, 0, 0))
     load_case = LoadCase(pose, 2.0 * weak.force, "load", loads=(load,), free=COMPONENTS, control=TO_LIMIT)
     problem = VjmEngine().problem(*in_pose(robot("orthoglide"), load_case))
@@ -344,7 +358,7 @@ def in_corners():
 
 def test_poses_that_lie_alike_have_the_same_smallest_critical_force():
     """The orthoglide's legs are alike, so that turning the names of the axes changes nothing."""
-    forces = np.array([weak.force for weak in machine().weakest(in_corners(), 2e4)]).reshape(-1, 3)
+    forces = np.array([weak.force for weak in weakest(in_corners())]).reshape(-1, 3)
     assert np.isfinite(forces).all()
     assert forces == pytest.approx(np.tile(forces.min(axis=1)[:, None], (1, 3)), rel=SLACK)
 
@@ -353,8 +367,8 @@ def test_many_poses_at_once_have_the_smallest_critical_forces_of_single_ones():
     low, high = load_model("orthoglide").workspace
     poses = np.zeros((24, 6))
     poses[:, :3] = np.random.default_rng(4).uniform(low, high, (24, 3))
-    for pose, weak in zip(poses, machine().weakest(poses, 2e4), strict=True):
-        (alone,) = machine().weakest(pose[None], 2e4)
+    for pose, weak in zip(poses, weakest(poses), strict=True):
+        (alone,) = weakest(pose[None])
         assert not weak.why
         assert weak.force == pytest.approx(alone.force, rel=SLACK)
         assert weak.negative[0] == 0 < weak.negative[1]
@@ -363,8 +377,7 @@ def test_many_poses_at_once_have_the_smallest_critical_forces_of_single_ones():
 def test_a_pose_far_out_has_the_smallest_critical_force_of_a_scan_over_directions():
     """The machine turns so far there that motions which took no force at first take much."""
     poses = np.array([[-70.0, 120.0, 120.0, 0.0, 0.0, 0.0]])
-    q, _ = machine().closed(poses)
-    (weak,) = machine().weakest(poses, 2e4)
+    (weak,) = weakest(poses)
     assert not weak.why
     # over the sphere in equal areas, then twice around the best
     k = np.arange(400) + 0.5
@@ -373,7 +386,7 @@ def test_a_pose_far_out_has_the_smallest_critical_force_of_a_scan_over_direction
     around = np.column_stack([flat * np.cos(angle), flat * np.sin(angle), height])
     rng = np.random.default_rng(5)
     for width in (0.05, 0.01, 0.002):
-        forces = first_losses(machine().model, q[0], around, 1.5 * weak.force)
+        forces = first_losses(orthoglide()[0], closed(poses)[0], around, 1.5 * weak.force)
         assert forces.min() > weak.force * (1.0 - 1e-4)
         best = around[np.argmin(forces)]
         around = best + width * rng.standard_normal((60, 3))
@@ -387,14 +400,18 @@ def test_a_machine_with_errors_of_assembly_stands_where_its_single_poses_do(robo
     machine = robot("orthoglide")
     poses = np.array([[0.0, 0, 0, 0, 0, 0], [40.0, -20.0, 30.0, 0, 0, 0]])
     wrenches = np.array([[0.0] * 6, [-200.0, 100.0, 50.0, 0.0, 0.0, 0.0]])
-    found = PlatformBatch(machine, VjmEngine(2), **built).equilibria(poses, wrenches)
-    for pose, wrench, moved, K in zip(poses, wrenches, found.displacement, found.stiffness, strict=True):
+    q = closed(poses, Closing(machine, home_label(machine)))
+    model = VjmEngine(2).model(assembled(machine, **built))
+    q += [built.get("off", {}).get(name, 0.0) for name in model.joints]
+    states = equilibria(model, q, wrench=wrenches[:, None])
+    for k, (pose, wrench, K) in enumerate(zip(poses, wrenches, states.stiffness[:, 0], strict=True)):
         load = Load(tuple(wrench if wrench.any() else 1e-9 * np.eye(6)[0]))
         load_case = LoadCase(label(pose), 1.0, "load", loads=(load,), free=COMPONENTS, steps=2)
         posed, load_case = in_pose(machine, load_case)
         wrong = assembled(posed, **built)
         point = follow(VjmEngine(2).problem(wrong, load_case), load_case).points[-1]
-        assert moved == pytest.approx(point.displacement, abs=1e-8)
+        stands = states.position[k, 0] - displaced(Closing(machine, home_label(machine)).end, pose)[:3, 3]
+        assert stands == pytest.approx(point.displacement[:3], abs=1e-8)
         assert np.abs(K - point.stiffness).max() < 1e-7 * np.abs(K).max()
 
 

@@ -15,7 +15,7 @@ from vjm.io.errors import ModelFileError
 from vjm.io.machine_file import build_machine, load_model
 from vjm.io.manipulator_file import manipulators
 from vjm.io.model_file import ModelDocument, load_chain
-from vjm.machine.platforms import PlatformBatch
+from vjm.machine.equilibria import equilibria
 from vjm.machine.rigid_mechanism import Closing, PoseError, home_label, moved_by_drives
 from vjm.model.machine import ROOT, Machine, legs_of
 from vjm.model.parts import Beam, Joint, RigidOffset, Section
@@ -221,10 +221,10 @@ def test_passive_slides_go_as_far_as_they_are_asked(shift):
     assert posed.posture(label) == pytest.approx([y, z, z, x, x, y], abs=1e-9)
     K = vjm.stiffness(robot, ",".join(map(str, shift))).loaded
     assert np.diag(K)[:3] == pytest.approx(1.0 / (DRIVE + BAR / SECTION.EA), rel=1e-9)
-    # and the batch's way to the same pose
-    found = PlatformBatch(robot, VjmEngine(16)).equilibria(d[None], np.zeros(6))
-    assert found.solved.all()
-    assert found.stiffness[0] == pytest.approx(K, rel=1e-8, abs=1e-8 * np.abs(K).max())
+    # and the way of many poses at once
+    q, _ = Closing(robot, home_label(robot)).all_displaced(d[None])
+    states = equilibria(VjmEngine(16).model(robot), q)
+    assert states.stiffness[0, 0] == pytest.approx(K, rel=1e-8, abs=1e-8 * np.abs(K).max())
 
 
 def strut(i: int) -> tuple[Leg, np.ndarray, np.ndarray]:
@@ -318,11 +318,12 @@ def test_a_map_reaches_what_single_poses_reach():
     grid = np.linspace(0.0, 1.0, 10)
     shares = np.array(np.meshgrid(grid, grid, grid, indexing="ij")).reshape(3, -1).T
     poses = np.hstack([low + shares * (high - low), np.zeros((1000, 3))])
-    found = PlatformBatch(robot, VjmEngine(4)).equilibria(poses, np.zeros(6))
-    assert found.solved.all()
+    q, _ = Closing(robot, home_label(robot)).all_displaced(poses)
+    states = equilibria(VjmEngine(4).model(robot), q)
+    assert states.stable.all()
     for k in range(0, 1000, 83):
         K = vjm.stiffness(robot, ",".join(f"{v:.12g}" for v in poses[k, :3]), engine="vjm-4").loaded
-        assert found.stiffness[k] == pytest.approx(K, rel=1e-7, abs=1e-9 * np.abs(K).max())
+        assert states.stiffness[k, 0] == pytest.approx(K, rel=1e-7, abs=1e-9 * np.abs(K).max())
 
 
 # Manipulator files: what the library holds, and how a wrong file is reported.

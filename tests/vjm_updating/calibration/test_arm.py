@@ -7,11 +7,12 @@ import pytest
 from helpers.file_texts import instruments_text, table_text
 from helpers.from_files import CALIBRATED as MODEL
 from helpers.from_files import calibrate
+from helpers.parameters import joint_compliance
 
 from vjm.engines import VjmEngine
 from vjm.io.model_file import load_chain
 from vjm.model.load_case import Direction, LoadCase
-from vjm.model.parameters import compliance_factor, joint_compliance
+from vjm.model.parameters import compliance_factor
 from vjm_updating.calibration import design
 from vjm_updating.calibration import design as carried
 from vjm_updating.calibration.fit import CalibrationProblem, fitter_of, problem_of, solve

@@ -129,7 +129,7 @@ COMMANDS = [
     "check MODEL", "show MODEL --out DIR/view.html", "postures MODEL --tool 600,300,0",
     "curve MODEL --axis y --to -3 --csv DIR/curve.csv",
     "curve MODEL --axis y --to -1 --engine vjm-paper", "curve MODEL --axis y --to -1 --engine vjm-linear",
-    "curve MODEL --axis y --to -1 --engine msa", "curve MODEL --axis y --to -1 --engine vjm-unloaded-jacobian",
+    "curve MODEL --axis y --to -1 --engine msa",
     f"curve MODEL --axis load --load 0,-50,0 --to 1 --free {FREE} --gravity 0,-9.81,0 --engine exudyn",
     "buckling MODEL --posture bent --direction - --json",
     f"buckling MODEL --posture bent --force --to 500 --free {FREE} --direction -",

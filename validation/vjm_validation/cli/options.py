@@ -16,7 +16,7 @@ from cyclopts import Parameter
 
 from vjm.continuation.limits_along import limits_passed
 from vjm.continuation.path import Path
-from vjm.engines import FROZEN, Engine, EngineOptions, VjmEngine, engine_by_name
+from vjm.engines import Engine, EngineOptions, VjmEngine, engine_by_name
 from vjm.io.findings import Finding, Grade, refuse
 from vjm.io.machine_file import load_model
 from vjm.io.model_file import read_document
@@ -185,8 +185,8 @@ def within_reach(name: str, chain: Machine, displacement: Sequence[float]) -> No
 
 
 def gave_up(paths: Sequence[Path]) -> int:
-    """Say where paths ended early; an engine that stops at its first event by its nature has not given up."""
-    early = [path for path in paths if not path.complete and path.engine != FROZEN]
+    """Say where paths ended early."""
+    early = [path for path in paths if not path.complete]
     for path in early:
         terminal.error(f"{path.engine}, posture {path.load_case.posture}: {path.stopped}")
     return GAVE_UP if early else OK

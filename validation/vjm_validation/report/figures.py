@@ -20,7 +20,6 @@ from vjm_output.plots import (
     FE,
     FE_FOOT_SPRING,
     FOOT_SPRING,
-    FROZEN,
     LINEAR,
     MSA,
     PAPER,
@@ -33,10 +32,10 @@ from vjm_output.plots import (
 )
 from vjm_validation.studies.chain import Run
 
-DRAWN = (PAPER, REFINED, FE, FE_FOOT_SPRING, FOOT_SPRING, FROZEN, "opensees")
+DRAWN = (PAPER, REFINED, FE, FE_FOOT_SPRING, FOOT_SPRING, "opensees")
 """Engines whose force is worth a line of its own.
 
-The linear ones share one straight line, drawn as `LINEAR`; so does `FROZEN` without a critical point.
+The linear ones share one straight line, drawn as `LINEAR`.
 """
 
 HEADROOM = 1.6
@@ -155,7 +154,7 @@ def difference_picture(posture: str, panels: Mapping[Direction, Mapping[str, Pat
             what = "its force at the critical point" if critical else "its largest force"
             norms.append(f"{direction}: {what}, {number(reference_force(reference))} N")
             for label, path in paths.items():
-                if label not in (FE, FROZEN, MSA):
+                if label not in (FE, MSA):
                     s, difference = difference_to(path, reference)
                     _line(ax, label, s, 100.0 * difference)
             if critical:
@@ -240,7 +239,7 @@ class Window:
 
 def _drawn(paths: Mapping[str, Path]) -> dict[str, Path]:
     """The engines that get a line; all of them where none is known."""
-    known = {label: path for label, path in paths.items() if label in DRAWN and (label != FROZEN or path.events)}
+    known = {label: path for label, path in paths.items() if label in DRAWN}
     return known or dict(paths)
 
 

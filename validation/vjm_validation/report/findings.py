@@ -12,7 +12,7 @@ from vjm.continuation.path import Path
 from vjm.model.load_case import Direction
 from vjm.model.machine import FOOT
 from vjm_output.number_text import listed, number, percent
-from vjm_output.plots import FE, FE_FOOT_SPRING, FOOT_SPRING, FROZEN, LINEAR, MSA, PAPER, REFINED
+from vjm_output.plots import FE, FE_FOOT_SPRING, FOOT_SPRING, LINEAR, MSA, PAPER, REFINED
 from vjm_validation.report.chapter_figures import (
     FOOT_ENGINES,
     converged,
@@ -429,18 +429,6 @@ def conventional(run: Run) -> ReportFinding | None:
                 f"point. Pushed to {short(theirs[p]['d_end'])} mm, posture {p} would carry {number(end[p], 2)} "
                 "times the force."
             )
-    frozen = {p: m for p, m in engine_metrics(run, Direction.TENSION, FROZEN).items() if m["critical"]}
-    paper = engine_metrics(run, Direction.TENSION, PAPER)
-    if frozen:
-        text = f"{FROZEN} finds critical points in tension: {critical_points(frozen)}"
-        alone = [
-            p
-            for p, m in frozen.items()
-            if m["critical"] in SHARP and p in paper and paper[p]["critical"] not in SHARP
-        ]
-        if alone:
-            text += f"; in {listed(alone)} not even {PAPER} has a sharp one on the true geometry"
-        sentences.append(text + ".")
     if not sentences:
         return None
     return ReportFinding(Tone.NOTE, "What the conventional models say", tuple(sentences))
@@ -453,11 +441,11 @@ def left_out(run: Run) -> ReportFinding | None:
 
 
 def stopped_paths(run: Run) -> ReportFinding | None:
-    """Paths that did not reach their end; the frozen Jacobians stop at their first event by definition."""
+    """Paths that did not reach their end."""
     stopped = [
         f"Posture {key.posture} in {key.direction}, {key.engine}: ends at {short(path.s[-1])} mm, {path.stopped}."
         for key, path in sorted(run.paths.items())
-        if path.stopped and key.engine != FROZEN
+        if path.stopped
     ]
     if not stopped:
         return None

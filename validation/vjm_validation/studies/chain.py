@@ -257,7 +257,7 @@ def end_condition_study(
 
 ENGINES = (
     "vjm-paper", "vjm-16", "vjm-16f16", "exudyn", "exudyn-footspring",
-    "vjm-linear", "vjm-unloaded-jacobian", "msa",
+    "vjm-linear", "msa",
 )  # fmt: skip
 """The engines of a comparison, in the order of its tables."""
 SECOND = "opensees"
