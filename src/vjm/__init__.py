@@ -19,7 +19,6 @@ Example:
 from __future__ import annotations
 
 import importlib
-import warnings
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -54,74 +53,38 @@ if TYPE_CHECKING:
 
 __version__ = "0.3.0"
 
-_HOME = {
-    "Outcome": "vjm.outcome",
-    "Beam": "vjm.model.parts",
-    "Buckling": "vjm.analysis",
-    "Closure": "vjm.model.parts",
-    "Compensation": "vjm.compensation",
-    "Coupling": "vjm.model.parts",
-    "DeadZone": "vjm.model.laws",
-    "EngineOptions": "vjm.engines",
-    "Equilibrium": "vjm.continuation.path",
-    "Event": "vjm.continuation.path",
-    "EventKind": "vjm.continuation.path",
-    "Joint": "vjm.model.parts",
-    "JointCoupling": "vjm.model.parts",
-    "Law": "vjm.model.laws",
-    "Load": "vjm.model.load_case",
-    "LoadCase": "vjm.model.load_case",
-    "LoadCases": "vjm.design.space",
-    "LoadedStiffness": "vjm.analysis",
-    "Machine": "vjm.model.machine",
-    "ModelCheck": "vjm.io.model_report",
-    "ModelFileError": "vjm.io.errors",
-    "Modes": "vjm.design.modes",
-    "NoConvergenceError": "vjm.errors",
-    "OneSided": "vjm.model.laws",
-    "Optimum": "vjm.design.optimum",
-    "ParetoFront": "vjm.design.best_machine",
-    "Path": "vjm.continuation.path",
-    "PointControl": "vjm.model.load_case",
-    "PointSpring": "vjm.model.parts",
-    "Polynomial": "vjm.model.laws",
-    "RigidOffset": "vjm.model.parts",
-    "Section": "vjm.model.parts",
-    "Sensitivities": "vjm.design.sensitivity",
-    "Shares": "vjm.design.shares",
-    "StrainWave": "vjm.model.laws",
-    "Sweep": "vjm.design.sweep",
-    "Tabulated": "vjm.model.laws",
-    "VjmEngine": "vjm.engines",
-    "axis": "vjm.building",
-    "buckling": "vjm.analysis",
-    "build": "vjm.building",
-    "catalogue": "vjm.io.catalogues",
-    "catalogues": "vjm.io.catalogues",
-    "check": "vjm.io.model_report",
-    "compensate": "vjm.compensation",
-    "engine_by_name": "vjm.engines",
-    "in_posture": "vjm.postures",
-    "library": "vjm.io.model_file",
-    "load": "vjm.io.machine_file:load_model",
-    "modes": "vjm.design.modes",
-    "optimise": "vjm.design.best_machine",
-    "pareto_front": "vjm.design.best_machine",
-    "read_curve": "vjm.io.path_files",
-    "sensitivities": "vjm.design.sensitivity",
-    "read_robot": "vjm.robots",
-    "robot_text": "vjm.robots",
-    "shape": "vjm.io.shapes",
-    "shares": "vjm.design.shares",
-    "stiffness": "vjm.analysis",
-    "sweep": "vjm.design.sweep",
-    "tool_postures": "vjm.postures",
-    "trace": "vjm.analysis",
-    "translation": "vjm.rotations",
-    "turn": "vjm.rotations",
-    "write_curve": "vjm.io.path_files",
+_MODULES = {
+    "vjm.analysis": "Buckling buckling LoadedStiffness stiffness trace",
+    "vjm.building": "axis build",
+    "vjm.compensation": "compensate Compensation",
+    "vjm.continuation.path": "Equilibrium Event EventKind Path",
+    "vjm.design.best_machine": "optimise pareto_front ParetoFront",
+    "vjm.design.modes": "Modes modes",
+    "vjm.design.optimum": "Optimum",
+    "vjm.design.sensitivity": "Sensitivities sensitivities",
+    "vjm.design.shares": "Shares shares",
+    "vjm.design.space": "LoadCases",
+    "vjm.design.sweep": "Sweep sweep",
+    "vjm.engines": "engine_by_name EngineOptions VjmEngine",
+    "vjm.errors": "NoConvergenceError",
+    "vjm.io.catalogues": "catalogue catalogues",
+    "vjm.io.errors": "ModelFileError",
+    "vjm.io.machine_file": "load",
+    "vjm.io.model_file": "library",
+    "vjm.io.model_report": "check ModelCheck",
+    "vjm.io.path_files": "read_curve write_curve",
+    "vjm.io.shapes": "shape",
+    "vjm.model.laws": "DeadZone Law OneSided Polynomial StrainWave Tabulated",
+    "vjm.model.load_case": "Load LoadCase PointControl",
+    "vjm.model.machine": "Machine",
+    "vjm.model.parts": "Beam Closure Coupling Joint JointCoupling PointSpring RigidOffset Section",
+    "vjm.outcome": "Outcome",
+    "vjm.postures": "in_posture tool_postures",
+    "vjm.robots": "read_robot robot_text",
+    "vjm.rotations": "translation turn",
 }
-"""Module of every public name; behind a colon the name there, where it is another."""
+"""Public names by their modules."""
+_HOME = {name: module for module, names in _MODULES.items() for name in names.split()}
 
 __all__ = [
     "Beam",
@@ -195,15 +158,11 @@ __all__ = [
 
 def __getattr__(name: str) -> object:
     """Import a public name at its first use (PEP 562)."""
-    if name == "Chain":
-        warnings.warn(
-            "vjm.Chain is now called vjm.Machine; the old name goes in 0.4.0", FutureWarning, stacklevel=2
-        )
-        name = "Machine"
     if name not in _HOME:
         raise AttributeError(f"module 'vjm' has no attribute '{name}'; it offers {', '.join(_HOME)}")
-    module, _, attribute = _HOME[name].partition(":")
-    value: object = getattr(importlib.import_module(module), attribute or name)
+    # one name would hide what it loads
+    attribute = "load_model" if name == "load" else name
+    value: object = getattr(importlib.import_module(_HOME[name]), attribute)
     globals()[name] = value
     return value
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from html import escape
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -25,7 +26,15 @@ from vjm.model.law_states import law_states
 from vjm.model.load_case import COMPONENTS, TO_LIMIT, Direction, Load, LoadCase, ramp_end
 from vjm.model.machine import Machine
 from vjm.model.mechanism import Gravity, Mechanism
-from vjm.outcome import Outcome
+from vjm.outcome import (
+    DISPLACEMENT_COLUMNS,
+    WRENCH_ROWS,
+    Outcome,
+    axes_or_new,
+    frame_of,
+    rounded,
+    table_html,
+)
 from vjm.postures import Posture, in_posture
 from vjm.rank import NEGLIGIBLE, beyond, null_space, rank_of
 from vjm.rotations import Array, displacement_between, frame
@@ -158,8 +167,6 @@ class LoadedStiffness(Outcome):
             )
 
     def __repr__(self) -> str:
-        from vjm.outcome import rounded
-
         diagonal, wrench = rounded(np.diag(self.loaded)), rounded(self.wrench)
         return (
             f"<LoadedStiffness {self.model}, posture {self.posture}, {self.engine}, imposed {self.control}\n"
@@ -168,15 +175,14 @@ class LoadedStiffness(Outcome):
         )
 
     def _repr_html_(self) -> str:
-        from vjm.outcome import stiffness_html
-
-        return stiffness_html(self)
+        return f"<pre>{escape(repr(self))}</pre>{table_html(self.table())}"
 
     def table(self) -> list[dict[str, Any]]:
         """The loaded matrix, a row for each component of the wrench."""
-        from vjm.outcome import stiffness_rows
-
-        return stiffness_rows(self)
+        return [
+            {"": name, **dict(zip(DISPLACEMENT_COLUMNS, line, strict=True))}
+            for name, line in zip(WRENCH_ROWS, self.loaded.tolist(), strict=True)
+        ]
 
     def to_frame(self) -> DataFrame:
         """The loaded matrix as a pandas DataFrame, rows wrench components, columns displacements.
@@ -184,9 +190,7 @@ class LoadedStiffness(Outcome):
         Raises:
             ImportError: pandas is not installed.
         """
-        from vjm.outcome import stiffness_frame
-
-        return stiffness_frame(self)
+        return frame_of(self.loaded, WRENCH_ROWS, DISPLACEMENT_COLUMNS)
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """The diagonals of K and K^F side by side, as ratios.
@@ -194,9 +198,13 @@ class LoadedStiffness(Outcome):
         Raises:
             ImportError: matplotlib is not installed.
         """
-        from vjm.outcome import stiffness_plot
-
-        return stiffness_plot(self, ax)
+        ax = axes_or_new(ax)
+        before = np.diag(self.unloaded)
+        ratio = np.divide(np.diag(self.loaded), before, out=np.full(6, np.nan), where=np.abs(before) > 0.0)
+        ax.bar(COMPONENTS, ratio)
+        ax.axhline(1.0, color="k", linewidth=0.7)
+        ax.set_ylabel("loaded over unloaded stiffness")
+        return ax
 
 
 @single_threaded
@@ -434,8 +442,6 @@ class Buckling(Outcome):
         return "\n".join(lines) + ">"
 
     def _repr_html_(self) -> str:
-        from vjm.outcome import table_html
-
         return table_html(self.rows())
 
     def plot(self, ax: Axes | None = None) -> Axes:
@@ -444,10 +450,8 @@ class Buckling(Outcome):
         Raises:
             ImportError: matplotlib is not installed.
         """
-        from vjm.outcome import path_plot
-
         for (posture, direction), path in self.paths.items():
-            ax = path_plot(path, ax, f"{posture}, {direction}")
+            ax = path.plot(ax, f"{posture}, {direction}")
         assert ax is not None
         return ax
 

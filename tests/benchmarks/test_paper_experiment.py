@@ -54,7 +54,7 @@ def test_time_of_16004_equilibria(chain, record):
         assert np.all(np.isfinite(path.stiffness))
         assert path.wrench[-1, 0] == pytest.approx(END_FORCE[posture], rel=1e-3)
     # the model of the paper leaves the straight state in tension in A and C, and has a stiffness knee in B and D
-    assert [len(paths[posture].bifurcations) for posture in "ABCD"] == [1, 0, 1, 0]
+    assert [len(paths[posture].turns) for posture in "ABCD"] == [1, 0, 1, 0]
 
     value = statistics.median(seconds)
     record("table2_16004_equilibria_s", value, "s", "<= 0.2", value <= 0.2)

@@ -183,12 +183,6 @@ def test_a_hinged_column_buckles_at_eulers_load():
     assert P * (1 - P / section.EA) == pytest.approx(np.pi**2 * EI / beam.length**2, rel=2e-9)
 
 
-def test_the_old_name_of_a_machine_is_read_with_a_warning():
-    with pytest.warns(FutureWarning, match=r"vjm\.Chain is now called vjm\.Machine"):
-        assert vjm.Chain is vjm.Machine
-    assert "Chain" not in dir(vjm)
-
-
 @pytest.mark.parametrize("module", ["vjm", "vjm_updating"])
 def test_dir_shows_what_is_public_and_nothing_else(module):
     owner = importlib.import_module(module)

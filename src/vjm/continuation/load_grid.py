@@ -61,11 +61,6 @@ class GridPath:
     turns: tuple[BranchChange, ...]
     stopped: str
 
-    @property
-    def bifurcations(self) -> tuple[float, ...]:
-        """Path parameters at which the path changed its branch."""
-        return tuple(turn.s for turn in self.turns)
-
 
 def trace_grid(problem: LumpedProblem, grid: Array, known: Sequence[BranchChange] = ()) -> GridPath:
     """Trace the stable path through a grid of displacements.

@@ -300,20 +300,7 @@ class LumpedProblem:
         return float(np.abs(np.prod(values))) if len(values) == 2 else float("nan")
 
     def branch_shapes(self, critical: Equilibrium) -> tuple[BranchShape, ...]:
-        """How the branches leave a bifurcation along each of its critical modes, wherever they lead.
-
-        The amplitude is the mode's component of the motion, each coordinate in its unit
-        `vjm.model.mechanism.Mechanism.coordinate_scale`.
-
-        Args:
-            critical: an event's point on a path of this problem.
-
-        Example:
-            >>> problem = VjmEngine(8).problem(chain, load_case)  # doctest: +SKIP
-            >>> event = follow(problem, load_case).critical  # doctest: +SKIP
-            >>> print(problem.branch_shapes(event.point)[0])  # doctest: +SKIP
-            it is supercritical: the parameter changes by ...
-        """
+        """How the branches leave a bifurcation, an event's point on a path, along each of its critical modes."""
         state = self.configuration(critical)
         modes = (self._with_wrench(state, mode) for mode in critical_modes(state, self._device(state)))
         known = LOCATED * self.load_case.length, AMPLITUDES, self._measure

@@ -4,16 +4,21 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import StrEnum
+from html import escape
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from vjm.model.load_case import LoadCase
-from vjm.outcome import Outcome
+from vjm.outcome import DISPLACEMENT_COLUMNS, WRENCH_ROWS, Outcome, axes_or_new, table_html
 from vjm.rotations import Array
 
 if TYPE_CHECKING:
     from vjm.outcome import Axes
+
+
+ROWS, SHOWN = 12, ("s", "force", "k_N_per_mm", "unstable_modes")
+"""Points of a path that its HTML shows, and what of them."""
 
 
 class EventKind(StrEnum):
@@ -245,9 +250,8 @@ class Path(Outcome):
         return not self.stopped
 
     def __repr__(self) -> str:
-        from vjm.outcome import path_unit
-
-        case, unit, n = self.load_case, path_unit(self), len(self.points)
+        case, n = self.load_case, len(self.points)
+        unit = case.driven.unit if case.load_driven else case.driven.along
         unit = f" {unit}" if unit else ""
         axis = case.axis if isinstance(case.axis, str) else "a direction"
         per = f" {case.driven.stiffness}" if case.driven.stiffness else ""
@@ -264,29 +268,43 @@ class Path(Outcome):
         return "\n".join(lines) + ">"
 
     def _repr_html_(self) -> str:
-        from vjm.outcome import path_html
-
-        return path_html(self)
+        last, rows = len(self.points) - 1, self.table()
+        some = sorted({round(k * last / (ROWS - 1)) for k in range(ROWS)})
+        shown = [{name: rows[i][name] for name in SHOWN} for i in some]
+        return f"<pre>{escape(repr(self))}</pre>{table_html(shown)}"
 
     def table(self) -> list[dict[str, Any]]:
         """A row a point under the names of a curve file."""
-        from vjm.outcome import path_columns
-
-        columns = path_columns(self)
+        columns: dict[str, Any] = {"s": self.s}
+        columns |= dict(zip(DISPLACEMENT_COLUMNS, self.displacement.T, strict=True))
+        columns |= dict(zip(WRENCH_ROWS, self.wrench.T, strict=True))
+        columns |= {"force": self.force, "k_N_per_mm": self.tangent, "unstable_modes": self.unstable}
+        columns |= {"lambda_min_rel": self.eigenvalue_relative}
         return [
             dict(zip(columns, row, strict=True))
             for row in zip(*map(np.ndarray.tolist, columns.values()), strict=True)
         ]
 
-    def plot(self, ax: Axes | None = None) -> Axes:
-        """Force over displacement with its critical points.
+    def plot(self, ax: Axes | None = None, label: str = "") -> Axes:
+        """Driven force over ramp, unstable stretches dotted, critical points marked.
 
         Raises:
             ImportError: matplotlib is not installed.
         """
-        from vjm.outcome import path_plot
-
-        return path_plot(self, ax)
+        ax = axes_or_new(ax)
+        line = ax.plot(self.ramp, self.force, label=label or f"{self.load_case.posture}, {self.engine}")[0]
+        lost = self.unstable > 0
+        if lost.any():
+            ax.plot(np.where(lost, self.ramp, np.nan), np.where(lost, self.force, np.nan), "w:", linewidth=1.0)
+        for event in self.events:
+            ramp = event.point.ramp if event.point else event.s
+            ax.plot(ramp, event.force, "o", color=line.get_color(), markersize=4)
+        driven = self.load_case.driven
+        load = f"{driven.name}, {driven.unit}" if driven.unit else driven.name
+        ax.set_xlabel(load if self.load_case.load_driven else f"displacement, {driven.along}")
+        ax.set_ylabel(load)
+        ax.legend()
+        return ax
 
 
 def travel(path: Path, point: Equilibrium) -> float:

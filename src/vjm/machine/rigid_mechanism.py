@@ -19,7 +19,7 @@ from vjm.model.load_case import COMPONENTS
 from vjm.model.machine import Machine
 from vjm.model.packing import closure_sites
 from vjm.rank import NEGLIGIBLE, least_norm, null_space, rank_of, span
-from vjm.rotations import Array, rotation_vectors, translation
+from vjm.rotations import Array, rotation_vectors, rotations_from_vectors, translation
 
 if TYPE_CHECKING:
     from vjm.machine.rigid_kernel import RigidArrays
@@ -146,14 +146,9 @@ def difference(start: Array, stop: Array) -> Array:
 
 def displaced_frames(T: Array, displacement: Array) -> Array:
     """Frames ``(g, 4, 4)`` after displacements ``(g, 6)``, as `vjm.rotations.displaced`, mm and rad."""
-    w = displacement[:, 3:]
-    angle = np.linalg.norm(w, axis=1)[:, None, None]
     result = T.copy()
     result[:, :3, 3] += displacement[:, :3]
-    W = np.cross(w[:, None, :], np.eye(3)).transpose(0, 2, 1)
-    # sine and versine over the angle and its square; of sin(x) / x nothing is lost at zero
-    sine, half = np.sinc(angle / np.pi), np.sinc(0.5 * angle / np.pi)
-    result[:, :3, :3] = (np.eye(3) + sine * W + 0.5 * half**2 * (W @ W)) @ T[:, :3, :3]
+    result[:, :3, :3] = rotations_from_vectors(displacement[:, 3:]) @ T[:, :3, :3]
     return result
 
 

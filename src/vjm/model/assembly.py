@@ -385,8 +385,11 @@ class Assembly:
         if self._rigid:
             self._move(translation(beam.tip))
             return
-        if beam.segments is None or beam.segments < 2:
-            beam.refuse_bow("one spring, which has no shape,")
+        if (beam.segments is None or beam.segments < 2) and any(beam.bow):
+            raise ValueError(
+                f"part '{beam.name}' has a bow, which one spring, which has no shape, does not know: take vjm with "
+                "2 springs or more"
+            )
         if beam.segments is None:
             self._mark(beam.name, 0.0)
             along = beam.section_in_chain[:3, 0] * beam.length

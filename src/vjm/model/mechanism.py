@@ -18,7 +18,7 @@ from vjm.model.assembly import Assembly, Piece, Site, Station
 from vjm.model.joint_limits import JointLimits, joint_limits
 from vjm.model.load_case import Load, LoadCase, PointControl
 from vjm.model.machine import Machine
-from vjm.model.packing import Loads, Pieces, closure_sites, coupling_rows, machine_pieces, packed, point_springs
+from vjm.model.packing import Loads, closure_sites, coupling_rows, machine_arrays, packed, point_springs
 from vjm.model.springs import BeamColumnSpring, LawSpring, Spring
 from vjm.rank import null_space, rank_of
 from vjm.rotations import Array, cross, rotations_from_vectors, translation
@@ -352,9 +352,8 @@ class Mechanism:
     def compiled(self) -> MachineSolver:
         """What solves for its states: the model in compiled form, its end-effector held by a closure."""
         loads = self.applied_loads
-        count = len(loads)
         ground = np.array([[-1, self.last]]), np.stack([np.eye(4), self.tail])[None]
-        pieces = machine_pieces(
+        machine = machine_arrays(
             self.built, self.coordinate_scale[: self.coordinates], float(self.wrench_scale[3]),
             self.characteristic_length,
             springs=self.point_springs,
@@ -365,12 +364,11 @@ class Mechanism:
             ),
             spare=self.spare(held=True),
         )  # fmt: skip
-        acting = Loads(
-            loads.joint, np.ascontiguousarray(loads.offset, dtype=float), np.zeros((count, 6)), loads.follows,
-            np.full(count, -1), loads.turning, np.full(count, -1),
-        )  # fmt: skip
+        nothing = np.zeros((len(loads), 6))
+        rows = [*zip(loads.joint.tolist(), loads.offset, nothing, loads.follows.tolist(), strict=True)]
         return MachineSolver(
-            packed(pieces, acting), self.command, self.natural[: self.coordinates], loads.constant, loads.ramped,
+            packed(machine, Loads.of(rows, loads.turning.tolist())), self.command,
+            self.natural[: self.coordinates], loads.constant, loads.ramped,
             self.coordinate_scale, (self._station_joint, self._station_position),
         )  # fmt: skip
 
@@ -763,21 +761,14 @@ class Mechanism:
                 turning.append(len(rows))
                 rows.append((site.joint, site.frame[:3, 3], np.zeros(6), False, -1))
                 ends.append(k)
-        acting = Loads(
-            joint=np.array([row[0] for row in rows], dtype=np.int64),
-            offset=np.array([row[1] for row in rows]).reshape(-1, 3),
-            wrench=np.array([row[2] for row in rows]).reshape(-1, 6),
-            follows=np.array([row[3] for row in rows], dtype=np.int64),
-            grows=np.array([row[4] for row in rows], dtype=np.int64),
-            turning=np.array(turning, dtype=np.int64),
-            end=np.array(ends, dtype=np.int64),
-        )
-        return packed(self._free_pieces, acting)
+        acting = Loads.of([row[:4] for row in rows], turning, [row[4] for row in rows], ends)
+        return packed(self._free, acting)
 
     @cached_property
-    def _free_pieces(self) -> Pieces:
+    def _free(self) -> MachineArrays:
+        """What it consists of, its end frames free."""
         self.refuse_rigid()
-        return machine_pieces(
+        return machine_arrays(
             self.built, self.unit, None, self.reach,
             springs=self.point_springs,
             closures=(self.closure_joints, self.closure_frames, [closure.rows for closure in self.chain.closures]),

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -14,7 +13,6 @@ from vjm.kernels.arrays import BEAM_COLUMN, LAW, LINEAR, OWN, PASSIVE, MachineAr
 from vjm.kernels.elimination import BALL, END, SPRING, TURNING, WELD
 from vjm.kernels.statics import ORDER
 from vjm.model.assembly import Assembly, Site
-from vjm.model.laws import Law
 from vjm.model.springs import BeamColumnSpring, LawSpring, LinearSpring, Spring
 from vjm.rotations import Array
 
@@ -26,61 +24,43 @@ KEPT = 64
 """Structures of machines whose order is kept."""
 
 
-@dataclass(frozen=True)
-class Pieces:
-    """What a machine consists of; see `vjm.kernels.arrays.MachineArrays` for the arrays of the same names."""
-
-    parent: np.ndarray
-    rotary: np.ndarray
-    axis: Array
-    R0: Array
-    p0: Array
-    coordinate: np.ndarray
-    factor: Array
-    kind: np.ndarray
-    first: np.ndarray
-    K: Array
-    beam: Array
-    grows: np.ndarray
-    unit: Array
-    energy: float
-    length: float
-    end_joint: np.ndarray
-    end_R: Array  # noqa: N815
-    end_p: Array
-    spring_joint: np.ndarray
-    spring_point: Array
-    spring: Array
-    spring_law: Sequence[Law | None]
-    laws: Mapping[int, Law]
-    """Of springs in joints, by their coordinates."""
-    closure_joint: np.ndarray
-    closure_R: Array  # noqa: N815
-    closure_p: Array
-    closure_rows: np.ndarray
-    coupling: Array
-    """``(k, n)`` weights of the coordinates."""
-    total: Array
-    spare: tuple[int, int] = (0, 0)
+ORDERED = (
+    "unit_joint", "unit_block", "unit_column", "unit_row", "unit_above", "unit_limb", "carrier", "limb_width",
+    "limb_column", "local", "size", "source_first", "source", "closure_first", "border", "border_joint",
+)  # fmt: skip
+"""Fields of `vjm.kernels.arrays.MachineArrays` that `order_of` gives."""
 
 
-@dataclass(frozen=True)
-class Loads:
-    """What acts on a machine; see `vjm.kernels.arrays.MachineArrays`."""
+class Loads(NamedTuple):
+    """What acts on a machine: fields of `vjm.kernels.arrays.MachineArrays`."""
 
-    joint: np.ndarray
-    offset: Array
-    wrench: Array
+    load_joint: np.ndarray
+    load_offset: Array
+    load: Array
     follows: np.ndarray
-    grows: np.ndarray
+    load_grows: np.ndarray
     turning: np.ndarray
-    end: np.ndarray
+    load_end: np.ndarray
+
+    @classmethod
+    def of(
+        cls, rows: Sequence[tuple[int, Array, Array, bool]], turning: Sequence[int], grows: Sequence[int] = (),
+        ends: Sequence[int] = (),
+    ) -> Loads:  # fmt: skip
+        """Loads by joint, offset, wrench, and whether they follow; else nothing grows, and none is an end's."""
+        none = [-1] * len(rows)
+        joint, offset, wrench, follows = zip(*rows, strict=True) if rows else ((), (), (), ())
+        return cls(
+            _ints(joint), np.array(offset, dtype=float).reshape(-1, 3),
+            np.array(wrench, dtype=float).reshape(-1, 6), _ints(follows),
+            _ints(grows or none), _ints(turning), _ints(ends or none),
+        )  # fmt: skip
 
 
 class Structure(NamedTuple):
     """What of a machine and its loads decides the order of elimination: no length and no stiffness is in it.
 
-    Names are those of `Pieces` and of `vjm.kernels.arrays.MachineArrays`; of couplings it is their number.
+    Names are those of `vjm.kernels.arrays.MachineArrays`; of couplings it is their number.
     """
 
     parent: tuple[int, ...]
@@ -96,8 +76,8 @@ class Structure(NamedTuple):
     turning: tuple[int, ...]
 
 
-def structure(pieces: Pieces, loads: Loads) -> Structure:
-    """Of a machine under loads."""
+def structure(machine: MachineArrays) -> Structure:
+    """Of a machine under loads, whose order need not be known."""
 
     def numbers(array: np.ndarray) -> tuple[int, ...]:
         return tuple(array.tolist())
@@ -106,9 +86,10 @@ def structure(pieces: Pieces, loads: Loads) -> Structure:
         return tuple((first, second) for first, second in array.tolist())
 
     return Structure(
-        numbers(pieces.parent), numbers(pieces.coordinate), numbers(pieces.kind), numbers(pieces.first),
-        pairs(pieces.closure_joint), numbers(pieces.closure_rows), len(pieces.total), pairs(pieces.spring_joint),
-        numbers(pieces.end_joint), numbers(loads.joint), numbers(loads.turning),
+        numbers(machine.parent), numbers(machine.coordinate), numbers(machine.kind), numbers(machine.first),
+        pairs(machine.closure_joint), numbers(machine.closure_rows), len(machine.total),
+        pairs(machine.spring_joint), numbers(machine.end_joint), numbers(machine.load_joint),
+        numbers(machine.turning),
     )  # fmt: skip
 
 
@@ -180,45 +161,21 @@ def order_of(machine: Structure) -> dict[str, np.ndarray]:
     }  # fmt: skip
 
 
-def packed(pieces: Pieces, loads: Loads) -> MachineArrays:
-    """The arrays of a machine under loads."""
-    order = order_of(structure(pieces, loads))
-    border = order["border"].tolist()
-    place = {c: q for q, c in enumerate(border)}
-    unit_vector = (np.abs(pieces.axis[:, None, :] - np.eye(3)) == 0.0).all(axis=2)
-    identity = (np.eye(3) == pieces.R0).all(axis=(1, 2)) & (pieces.p0 == 0.0).all(axis=1)
+def packed(machine: MachineArrays, loads: Loads) -> MachineArrays:
+    """The arrays of a machine under loads, from what `machine_arrays` gives."""
+    machine = machine._replace(**loads._asdict())
+    order = order_of(structure(machine))
+    border = order["border"]
+    place = {c: q for q, c in enumerate(border.tolist())}
     K = np.zeros((len(border), len(border)))
-    for b in range(len(pieces.kind)):
-        coordinates = range(int(pieces.first[b]), int(pieces.first[b + 1]))
-        if coordinates[0] in place and pieces.kind[b] == LINEAR:
+    for b in range(len(machine.kind)):
+        coordinates = range(int(machine.first[b]), int(machine.first[b + 1]))
+        if coordinates[0] in place and machine.kind[b] == LINEAR:
             rows = [place[c] for c in coordinates]
-            K[np.ix_(rows, rows)] = pieces.K[b][: len(rows), : len(rows)]
-    laws = [*pieces.laws.values(), *(law for law in pieces.spring_law if law is not None)]
-    numbered = iter(range(len(pieces.laws), len(laws)))
-    of_coordinate = {c: k for k, c in enumerate(pieces.laws)}
-    return MachineArrays(
-        **order,
-        parent=_ints(pieces.parent), rotary=_ints(pieces.rotary), axis=pieces.axis,
-        along=np.where(unit_vector.any(axis=1), unit_vector.argmax(axis=1), -1).astype(np.int64),
-        R0=pieces.R0, p0=pieces.p0, moved=(~identity).astype(np.int64), coordinate=_ints(pieces.coordinate),
-        factor=pieces.factor, kind=_ints(pieces.kind), first=_ints(pieces.first), K=pieces.K, beam=pieces.beam,
-        grows=_ints(pieces.grows), unit=pieces.unit, energy=np.array([pieces.energy]),
-        length=np.array([pieces.length]),
-        spare=_ints(pieces.spare),
-        load_joint=_ints(loads.joint), load_offset=loads.offset, load=loads.wrench, follows=_ints(loads.follows),
-        load_end=_ints(loads.end), load_grows=_ints(loads.grows), turning=_ints(loads.turning),
-        spring_joint=_ints(pieces.spring_joint, 2), spring_point=pieces.spring_point, spring=pieces.spring,
-        spring_law=_ints([-1 if law is None else next(numbered) for law in pieces.spring_law]),
-        law_first=_ints(np.concatenate([[0], np.cumsum([len(law.curve.knots) for law in laws])])),
-        law_knot=np.concatenate([np.zeros(0), *(law.curve.knots for law in laws)]),
-        law_piece=np.concatenate([np.zeros((0, ORDER)), *(law.curve.pieces for law in laws)]),
-        law_most=np.array([law.largest_stiffness for law in laws], dtype=float),
-        closure_joint=_ints(pieces.closure_joint, 2), closure_R=pieces.closure_R, closure_p=pieces.closure_p,
-        closure_rows=_ints(pieces.closure_rows),
-        border_K=K,
-        border_law=_ints([of_coordinate.get(c, -1) for c in border]),
-        coupling=np.ascontiguousarray(pieces.coupling[:, border]),
-        total=pieces.total, end_joint=_ints(pieces.end_joint), end_R=pieces.end_R, end_p=pieces.end_p,
+            K[np.ix_(rows, rows)] = machine.K[b][: len(rows), : len(rows)]
+    return machine._replace(
+        **order, border_K=K, border_law=machine.border_law[border],
+        coupling=np.ascontiguousarray(machine.coupling[:, border]),
     )  # fmt: skip
 
 
@@ -287,7 +244,7 @@ def _sources(
     return sources
 
 
-def machine_pieces(
+def machine_arrays(
     built: Assembly,
     unit: Array,
     energy: float | None,
@@ -297,8 +254,8 @@ def machine_pieces(
     closures: tuple[np.ndarray, Array, Sequence[int]],
     ends: Sequence[Site] = (),
     spare: tuple[int, int] = (0, 0),
-) -> Pieces:
-    """What a machine consists of, for `vjm.model.packing.packed`.
+) -> MachineArrays:
+    """What a machine consists of, for `packed`: no loads, no order, all coordinates in place of the border's.
 
     Args:
         built: its joints and springs.
@@ -310,39 +267,42 @@ def machine_pieces(
         ends: its end frames.
         spare: see `vjm.kernels.arrays.MachineArrays`.
     """
-    before = np.array(built.before).reshape(-1, 4, 4)
+    before, axis = np.array(built.before).reshape(-1, 4, 4), np.array(built.axis, dtype=float).reshape(-1, 3)
     kind, first, K, beam = spring_blocks(built)
     if energy is None:
         own = np.array([block[i, i] for block, k in zip(K, np.diff(first), strict=True) for i in range(k)])
         turning = own[(unit == 1.0) & (own > 0.0)]
         energy = float(np.exp(np.mean(np.log(turning)))) if len(turning) else 1.0
-    return Pieces(
-        parent=np.array(built.parent, dtype=np.int64),
-        rotary=np.array(built.rotary, dtype=np.int64),
-        axis=np.array(built.axis, dtype=float).reshape(-1, 3),
-        R0=np.ascontiguousarray(before[:, :3, :3]),
-        p0=np.ascontiguousarray(before[:, :3, 3]),
-        coordinate=np.array(built.coordinate, dtype=np.int64),
-        factor=np.array(built.factor, dtype=float),
-        kind=kind, first=first, K=K, beam=beam,
-        grows=np.array([built.grows.get(int(c), -1) for c in first[:-1]], dtype=np.int64),
-        unit=np.ascontiguousarray(unit), energy=energy, length=length,
-        end_joint=np.array([site.joint for site in ends], dtype=np.int64),
+    unit_vector = (axis[:, None, :] == np.eye(3)).all(axis=2)
+    # laws of joints' springs, then of springs between points
+    elastic = zip(first[:-1][kind != PASSIVE], built.springs, strict=True)
+    of_joints = {int(c): spring.law for c, spring in elastic if isinstance(spring, LawSpring)}
+    between = [spring.law for spring in built.chain.point_springs]
+    laws = [*of_joints.values(), *(law for law in between if law is not None)]
+    law_of_coordinate, numbered = np.full(built.size, -1), iter(range(len(of_joints), len(laws)))
+    law_of_coordinate[list(of_joints)] = range(len(of_joints))
+    return MachineArrays(
+        **dict.fromkeys(ORDERED, _ints([])), **Loads.of([], [])._asdict(),
+        parent=_ints(built.parent), rotary=_ints(built.rotary), axis=axis,
+        along=np.where(unit_vector.any(axis=1), unit_vector.argmax(axis=1), -1).astype(np.int64),
+        R0=np.ascontiguousarray(before[:, :3, :3]), p0=np.ascontiguousarray(before[:, :3, 3]),
+        moved=_ints((before != np.eye(4)).any(axis=(1, 2))), coordinate=_ints(built.coordinate),
+        factor=np.array(built.factor, dtype=float), kind=kind, first=first, K=K, beam=beam,
+        grows=_ints([built.grows.get(int(c), -1) for c in first[:-1]]), unit=np.ascontiguousarray(unit),
+        energy=np.array([energy]), length=np.array([length]), spare=_ints(spare),
+        spring_joint=springs[0], spring_point=springs[1], spring=springs[2],
+        spring_law=_ints([-1 if law is None else next(numbered) for law in between]),
+        law_first=_ints(np.concatenate([[0], np.cumsum([len(law.curve.knots) for law in laws])])),
+        law_knot=np.concatenate([np.zeros(0), *(law.curve.knots for law in laws)]),
+        law_piece=np.concatenate([np.zeros((0, ORDER)), *(law.curve.pieces for law in laws)]),
+        law_most=np.array([law.largest_stiffness for law in laws], dtype=float),
+        closure_joint=_ints(closures[0], 2), closure_R=np.ascontiguousarray(closures[1][:, :, :3, :3]),
+        closure_p=np.ascontiguousarray(closures[1][:, :, :3, 3]), closure_rows=_ints(closures[2]),
+        border_K=np.zeros((0, 0)), border_law=law_of_coordinate, coupling=coupling_rows(built),
+        total=np.array([coupling.total for coupling in built.chain.couplings], dtype=float),
+        end_joint=_ints([site.joint for site in ends]),
         end_R=np.array([site.frame[:3, :3] for site in ends]).reshape(-1, 3, 3),
         end_p=np.array([site.frame[:3, 3] for site in ends]).reshape(-1, 3),
-        spring_joint=springs[0], spring_point=springs[1], spring=springs[2],
-        spring_law=[spring.law for spring in built.chain.point_springs],
-        laws={
-            int(c): spring.law for c, spring in zip(first[:-1][kind != PASSIVE], built.springs, strict=True)
-            if isinstance(spring, LawSpring)
-        },
-        closure_joint=closures[0].astype(np.int64),
-        closure_R=np.ascontiguousarray(closures[1][:, :, :3, :3]),
-        closure_p=np.ascontiguousarray(closures[1][:, :, :3, 3]),
-        closure_rows=np.array(closures[2], dtype=np.int64),
-        coupling=coupling_rows(built),
-        total=np.array([coupling.total for coupling in built.chain.couplings], dtype=float),
-        spare=spare,
     )  # fmt: skip
 
 

@@ -614,17 +614,6 @@ class Beam:
         y, z = self.bow
         return np.array([0.0, -z, y]) * (np.pi / self.length)
 
-    def refuse_bow(self, engine: str) -> None:
-        """For engines whose beams are straight.
-
-        Raises:
-            ValueError: this one is bowed.
-        """
-        if any(self.bow):
-            raise ValueError(
-                f"part '{self.name}' has a bow, which {engine} does not know: take vjm with 2 springs or more"
-            )
-
     def beam_compliance(self) -> Array:
         """Compliance ``(6, 6)`` of all members at the tip, own axes, from the section by beam theory."""
         at_end = rotate_matrix6(self.effective_section().compliance(self.length), self.section_frame)

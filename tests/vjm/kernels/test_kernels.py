@@ -111,7 +111,7 @@ def test_a_grid_gives_what_one_by_one_gives(chain, engine, posture, to):
     path = engine.trace(chain, load_case)
     assert found.stopped == path.stopped == ""
     # the error measured is rounding alone
-    assert found.bifurcations == pytest.approx([e.s for e in path.events if e.switched], rel=1e-10)
+    assert [turn.s for turn in found.turns] == pytest.approx([e.s for e in path.events if e.switched], rel=1e-10)
     assert len(found.s) == 401
     at = {round(p.s, 9): p for p in path.points}
     unit = problem.model.wrench_scale
@@ -121,7 +121,7 @@ def test_a_grid_gives_what_one_by_one_gives(chain, engine, posture, to):
         assert np.abs((wrench - point.wrench) / unit).max() < 1e4 * TOLERANCE
         expected, K = (k / unit[:, None] / unit * unit[3] for k in (point.stiffness, stiffness))
         # behind a bifurcation other entries than the driven one hang on the state by up to 1e8
-        rest = 1e-2 if any(b < s for b in found.bifurcations) else 1e-6
+        rest = 1e-2 if any(turn.s < s for turn in found.turns) else 1e-6
         assert np.abs(K - expected).max() < rest * np.abs(expected).max()
         along = load_case.direction
         assert along @ stiffness @ along == pytest.approx(point.tangent, rel=1e-4)
@@ -136,7 +136,7 @@ def test_a_grid_that_cannot_be_traced_keeps_what_it_has(chain):
     assert "beyond" in found.stopped
     assert 3.0 < found.s[-1] < 500.0
     assert len(found.s) == len(found.wrench) == len(found.stiffness)
-    assert len(found.bifurcations) >= 1
+    assert len(found.turns) >= 1
 
 
 # The factor of the border against dense eigenvalues and solutions.
