@@ -1,8 +1,4 @@
-"""Static equilibrium of a machine under an imposed pose, its stability and its stiffness: equations (5) to (18).
-
-Newton's method on equilibrium, also with one more condition for which the ramp is free: that is regular at critical
-points.
-"""
+"""Static equilibrium of a machine under an imposed pose, its stability and its stiffness: equations (5) to (18)."""
 
 from __future__ import annotations
 
@@ -10,12 +6,11 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import NamedTuple, Protocol, TypeVar
+from typing import TypeVar
 
 import numpy as np
 
 from vjm.errors import NoConvergenceError
-from vjm.model.load_case import LoadCase
 from vjm.model.mechanism import Kinematics, Mechanism
 from vjm.rank import least_norm
 from vjm.rotations import Array, displacement_between
@@ -190,89 +185,8 @@ def solve_under_wrench(model: Mechanism, wrench: Array, x: Array, *, max_iterati
     )
 
 
-DIVERGED = 1e6
-"""Scaled residual from which Newton's method does not come back."""
-NUDGE = 1e-9
-"""Change of the ramp, over its end, that leaves a state which is singular to the last digit."""
 NO_MOTION = 1e-13
 """Motion that controls a path, over the sum of its terms' sizes: rounding."""
-
-
-class Border(NamedTuple):
-    """A condition on the state beside equilibrium, linearised: ``row · δx + at_ramp δramp = missing``."""
-
-    missing: float
-    row: Array
-    at_ramp: float
-
-
-class Ramped(Protocol):
-    """A loaded model under a ramp."""
-
-    model: Mechanism
-    load_case: LoadCase
-
-    def target(self, ramp: float) -> Array:
-        """Frame ``(4, 4)`` of the support at a ramp."""
-
-    def load(self, ramp: float) -> float:
-        """Factor on the ramped loads at a ramp."""
-
-    def rate(self, state: Configuration) -> tuple[Array, Array]:
-        """Derivatives of coordinates ``(n,)`` and wrench ``(6,)`` by the ramp."""
-
-
-def solve_bordered(
-    problem: Ramped,
-    x: Array,
-    wrench: Array,
-    ramp: float,
-    border: Callable[[Configuration, float], Border],
-) -> tuple[float, Configuration]:
-    """Equilibrium with one more condition, and the ramp that it takes.
-
-    Two solutions with the factored tangent, for the residual and for the ramp, and a scalar equation for the ramp.
-
-    Args:
-        problem: the model under its ramp.
-        x: coordinates ``(n,)`` to start from.
-        wrench: ``(6,)`` to start from.
-        ramp: to start from.
-        border: the condition at a state and a ramp.
-
-    Raises:
-        NoConvergenceError: none was found.
-    """
-    compiled = problem.model.compiled
-    error = before = np.inf
-    for iteration in range(MAX_ITERATIONS):
-        load = problem.load(ramp)
-        statics, gap, error = compiled.residual(x, wrench, problem.target(ramp), load)
-        state = Configuration(problem.model, x, wrench, error, iteration, load)
-        if not error < DIVERGED:
-            break
-        try:
-            missing, row, at_ramp = border(state, ramp)
-            # a Newton iteration at least quarters the residual, at a double root too, until it is rounding
-            ended = error < TOLERANCE or (0.5 * before <= error and compiled.rounded(x, statics, gap))
-            if ended and abs(missing) < TOLERANCE:
-                return ramp, state
-            before = error
-            dx, dF = compiled.response(x, wrench, statics, gap, load)
-            dx_by, dF_by = problem.rate(state)
-        except np.linalg.LinAlgError:
-            ramp += NUDGE * problem.load_case.length
-            continue
-        moves = float(row @ dx_by + at_ramp)
-        if abs(moves) <= NO_MOTION * float(np.abs(row) @ np.abs(dx_by) + abs(at_ramp)):
-            raise NoConvergenceError(
-                "the controlled displacement does not change along the path: control another point or direction"
-            )
-        change = float(missing - row @ dx) / moves
-        x, wrench, ramp = x + dx + change * dx_by, wrench + dF + change * dF_by, ramp + change
-    raise NoConvergenceError(f"Newton did not meet the path's condition (scaled residual {error:.1e})")
-
-
 NEUTRAL = 1e-12
 """Eigenvalues below this fraction of the largest are zero but for rounding."""
 ROUGH = 1e-4

@@ -49,6 +49,7 @@ def paths() -> None:
     path = engine.trace(chain, load_case)
     wrench_sensitivity(engine, chain, path, [compliance_factor(chain, "link")])
     problem = engine.problem(chain, load_case)
+    problem.model.stiffness_under(np.zeros(problem.model.size))
     grid = trace_grid(problem, np.linspace(0.0, 0.1, 5))
     problem.model.compiled.correct(
         problem.target(0.0), load_case.direction, grid.s, grid.x, grid.wrench, TOLERANCE, 2

@@ -9,6 +9,7 @@ from collections.abc import Callable, Sequence
 from copy import copy
 from dataclasses import dataclass, fields, replace
 from functools import cached_property, partial
+from typing import NamedTuple
 
 import numpy as np
 
@@ -36,14 +37,14 @@ from vjm.model.parts import Joint
 from vjm.rank import NEGLIGIBLE, SUM_ROUNDING
 from vjm.rotations import Array, displaced
 from vjm.statics import (
+    MAX_ITERATIONS,
+    NO_MOTION,
     TOLERANCE,
-    Border,
     Configuration,
     Stability,
     critical_modes,
     loaded_stiffness,
     near_critical,
-    solve_bordered,
     solve_newton,
     stability,
     without_neutral,
@@ -64,6 +65,20 @@ SHARED = tuple(field.name for field in fields(LoadCase) if field.name not in ("t
 """What ramps of one machine in one posture do not differ in."""
 STEPS_OF_CONSTANT_LOADS = 1e-3
 """Smallest share of the constant loads that is put on at once."""
+
+
+DIVERGED = 1e6
+"""Scaled residual from which Newton's method does not come back."""
+NUDGE = 1e-9
+"""Change of the ramp, over its end, that leaves a state which is singular to the last digit."""
+
+
+class Border(NamedTuple):
+    """A condition on the state beside equilibrium, linearised: ``row · δx + at_ramp δramp = missing``."""
+
+    missing: float
+    row: Array
+    at_ramp: float
 
 
 class LumpedProblem:
@@ -250,10 +265,50 @@ class LumpedProblem:
         ramp, configuration = self._solved(s, x, wrench, ramp)
         return self.equilibrium(s, configuration, ramp)
 
+    def _bordered(
+        self, x: Array, wrench: Array, ramp: float, border: Callable[[Configuration, float], Border]
+    ) -> tuple[float, Configuration]:
+        """Equilibrium with one more condition at a state and a ramp, and the ramp that it takes, from those given.
+
+        Two solutions with the factored tangent, for the residual and for the ramp, and a scalar equation for the
+        ramp: regular at critical points.
+
+        Raises:
+            NoConvergenceError: none was found.
+        """
+        compiled = self.model.compiled
+        error = before = np.inf
+        for iteration in range(MAX_ITERATIONS):
+            load = self.load(ramp)
+            statics, gap, error = compiled.residual(x, wrench, self.target(ramp), load)
+            state = Configuration(self.model, x, wrench, error, iteration, load)
+            if not error < DIVERGED:
+                break
+            try:
+                missing, row, at_ramp = border(state, ramp)
+                # a Newton iteration at least quarters the residual, at a double root too, until it is rounding
+                ended = error < TOLERANCE or (0.5 * before <= error and compiled.rounded(x, statics, gap))
+                if ended and abs(missing) < TOLERANCE:
+                    return ramp, state
+                before = error
+                dx, dF = compiled.response(x, wrench, statics, gap, load)
+                dx_by, dF_by = self.rate(state)
+            except np.linalg.LinAlgError:
+                ramp += NUDGE * self.load_case.length
+                continue
+            moves = float(row @ dx_by + at_ramp)
+            if abs(moves) <= NO_MOTION * float(np.abs(row) @ np.abs(dx_by) + abs(at_ramp)):
+                raise NoConvergenceError(
+                    "the controlled displacement does not change along the path: control another point or direction"
+                )
+            change = float(missing - row @ dx) / moves
+            x, wrench, ramp = x + dx + change * dx_by, wrench + dF + change * dF_by, ramp + change
+        raise NoConvergenceError(f"Newton did not meet the path's condition (scaled residual {error:.1e})")
+
     def _solved(self, s: float, x: Array, wrench: Array, ramp: float) -> tuple[float, Configuration]:
         """Ramp and configuration at the path's parameter ``s``, from a state near it."""
         if isinstance(self.load_case.control, PointControl):
-            return solve_bordered(self, x, wrench, ramp, lambda at, _: self._point_border(at, s))
+            return self._bordered(x, wrench, ramp, lambda at, _: self._point_border(at, s))
         return s, solve_newton(self.model, self.target(s), x, wrench, load=self.load(s))
 
     def switch(self, critical: Equilibrium, s: float, sign: int) -> Equilibrium:
@@ -540,7 +595,7 @@ class LumpedProblem:
             return Border(step - float(gone), row[:n], float(row[-1]))
 
         x, wrench, ramp = self._taken_apart(begin + slope * step)
-        return solve_bordered(self, x, wrench, ramp, border)
+        return self._bordered(x, wrench, ramp, border)
 
     # --- branches -----------------------------------------------------------------------------------------
 
@@ -612,7 +667,7 @@ class LumpedProblem:
             return Border(amplitude - float(row @ (state.x - begin)), row, 0.0)
 
         x, wrench, ramp = self._taken_apart(near)
-        ramp, state = solve_bordered(self, x, wrench, ramp, border)
+        ramp, state = self._bordered(x, wrench, ramp, border)
         point = self.equilibrium(self._parameter(ramp, state), state, ramp)
         if self.distance(point.state - critical.state) > NEIGHBOUR * abs(amplitude):
             raise NoConvergenceError("the state found on the crossing branch is a jump away")

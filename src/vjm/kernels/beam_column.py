@@ -1,20 +1,23 @@
-"""The beam-column spring of `vjm.model.springs`, compiled."""
+"""The beam-column spring of `vjm.model.springs.BeamColumnSpring`."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from vjm.kernels.arrays import Floats
-from vjm.kernels.compilation import kernel
-from vjm.model.springs import NEARLY_UNLOADED, ROTATION, SHIFT
+from vjm.kernels.compilation import entry, kernel
 
-_RA, _RB, _RC, _RE = ROTATION
-_SA, _SB, _SC, _SE = SHIFT
+# Coefficients (a, b, c, e) from the Taylor series of φ and ψ about z = 0, with 1 + e z + f₂ z² + f₃ z³ + f₄ z⁴:
+# a = 2 f₂, b = 2 f₃, c = 2 f₄ + a²/4. √z cot √z = 1 − z/3 − z²/45 − 2z³/945 − z⁴/4725 − 2z⁵/93555.
+_RA, _RB, _RC, _RE = 14 / 15, -68 / 105, 9467 / 14175, -2 / 3
+_SA, _SB, _SC, _SE = 34 / 105, 124 / 945, 5777 / 72765, 2 / 5
+NEARLY_UNLOADED = 0.02
+"""−z up to which the root form of ψ is used in tension too: it is as near as 1e-10, and free of 0/0."""
 
 
 @kernel
 def _rooted(z: float, z1: float, z2: float, a: float, b: float, c: float, e: float) -> tuple[float, float, float]:
-    """`vjm.model.springs._rooted`."""
+    """``√(1 + a z² + b z³ + c z⁴) + e z`` and its derivatives by a variable by which z has z1 and z2."""
     root = np.sqrt(1.0 + z * z * (a + z * (b + z * c)))
     half = 0.5 * z * (2.0 * a + z * (3.0 * b + 4.0 * c * z)) / root
     curvature = (a + z * (3.0 * b + 6.0 * c * z) - half * half) / root
@@ -24,7 +27,7 @@ def _rooted(z: float, z1: float, z2: float, a: float, b: float, c: float, e: flo
 
 @kernel
 def _shift(z: float, z1: float, z2: float) -> tuple[float, float, float]:
-    """`vjm.model.springs.shift`."""
+    """ψ and its derivatives by a variable by which z has the derivatives z1 and z2."""
     if z >= -NEARLY_UNLOADED:
         return _rooted(z, z1, z2, _SA, _SB, _SC, _SE)
     root = np.sqrt(-z)
@@ -47,6 +50,7 @@ def _plane(
     z, z1, z2 = -kappa * N * stretch, -kappa * (1.0 + 2.0 * nu * N), -2.0 * kappa * nu
     f, f1, f2 = _rooted(z, z1, z2, _RA, _RB, _RC, _RE)
     g, g1, g2 = _shift(z, z1, z2)
+    # 1/c = EI/h (1/φ + η)
     k = 1.0 / f + kappa * nu * N * N
     k1 = -f1 / (f * f) + 2.0 * kappa * nu * N
     k2 = -f2 / (f * f) + 2.0 * f1 * f1 / (f * f * f) + 2.0 * kappa * nu
@@ -60,6 +64,13 @@ def _plane(
         d * (g1 * p + g * p1),
         d * (g2 * p + 2.0 * g1 * p1 + g * p2),
     )
+
+
+@entry
+def planes(N: Floats, EA: float, EI: float, h: float, slip: float, out: Floats) -> None:
+    """Write ``out`` (k, 6), see `_plane`, of axial forces ``N`` (k,)."""
+    for i in range(len(N)):
+        out[i, 0], out[i, 1], out[i, 2], out[i, 3], out[i, 4], out[i, 5] = _plane(N[i], EA, EI, h, slip)
 
 
 @kernel

@@ -31,7 +31,7 @@ from vjm.kernels.compilation import entry, kernel
 from vjm.kernels.elimination import load, move
 from vjm.kernels.entry_points import corrected
 from vjm.kernels.newton import linearise
-from vjm.kernels.statics import act, force_on, grown, joint_sums
+from vjm.kernels.statics import act, force_on, grown, joint_sums, sum_up
 from vjm.rotations import Array
 
 
@@ -178,18 +178,7 @@ def _reacting(model: MachineArrays, work: Work, twist: Floats, wrench: Floats, S
         for side in range(2):
             if model.spring_joint[k, side] >= 0:
                 act(S, model.spring_joint[k, side], work.spring_at[k], side, f, 0, 2.0 * side - 1.0)
-    for k in range(len(model.closure_rows)):
-        f[:, :] = 0.0
-        for i in range(model.closure_rows[k]):
-            f[0, i] = wrench[model.closure_first[k] + i]
-        for side in range(2):
-            if model.closure_joint[k, side] >= 0:
-                act(S, model.closure_joint[k, side], work.place, k, f, 0, 2.0 * side - 1.0)
-    for j in range(len(model.parent) - 1, -1, -1):
-        i = model.parent[j]
-        if i >= 0:
-            for a in range(15):
-                S[i, a] += S[j, a]
+    sum_up(model, work, wrench, S)
 
 
 @kernel

@@ -109,19 +109,9 @@ NEUTRAL = 1e-12
 """Inverse over the largest one: zero, of motions that the constraints take away."""
 
 
-class NearZero(NamedTuple):
-    """What is known of a spectrum near zero.
-
-    Attributes:
-        values: eigenvalues ``(k,)``, complex, nearest zero first, whose sign is known.
-        motion: ``(n,)`` of the first one, its real part.
-    """
-
-    values: Array
-    motion: Array
-
-
-def near_zero(model: MachineArrays, work: Work, start: Array, device: Array, held: Array) -> NearZero | None:
+def near_zero(
+    model: MachineArrays, work: Work, start: Array, device: Array, held: Array
+) -> tuple[Array, Array] | None:
     """Eigenvalues nearest zero with the present factors, by Arnoldi's method with the inverse.
 
     Args:
@@ -132,7 +122,8 @@ def near_zero(model: MachineArrays, work: Work, start: Array, device: Array, hel
         held: likewise.
 
     Returns:
-        None where the largest space did not tell.
+        Complex eigenvalues ``(k,)`` whose sign is known, nearest zero first, and the real part ``(n,)`` of the
+        first one's motion; None where the largest space did not tell.
     """
     n = len(start)
     sizes = sorted({min(size, n) for size in SIZES})
@@ -152,7 +143,7 @@ def near_zero(model: MachineArrays, work: Work, start: Array, device: Array, hel
         lacking = left * np.abs(vectors[-1, felt]) / np.abs(inverse[felt])
         if lacking[0] < SHARP and np.all(lacking[:3] < KNOWN):
             known = np.flatnonzero(felt)[lacking < KNOWN]
-            return NearZero(1.0 / inverse[known], (vectors[:, 0].real @ basis[:reached]))
+            return 1.0 / inverse[known], vectors[:, 0].real @ basis[:reached]
         if exhausted:
             return None
         done = reached
@@ -583,8 +574,8 @@ class MachineSolver:
         spectrum = near_zero(*self._objects, start, forces, held)
         if spectrum is None:
             return None
-        self._mode[:] = spectrum.motion
-        return spectrum.values, negative if symmetric else None, odd
+        values, self._mode[:] = spectrum
+        return values, negative if symmetric else None, odd
 
     def modes(
         self, x: Array, wrench: Array, count: int, load: float = 0.0, tolerance: float = EIGENVALUE_TOLERANCE

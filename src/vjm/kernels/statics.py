@@ -331,10 +331,17 @@ def joint_sums(model: MachineArrays, work: Work, end_wrench: Floats, share: floa
         for side in range(2):
             if model.spring_joint[k, side] >= 0:
                 act(S, model.spring_joint[k, side], work.spring_at[k], side, f, 0, 1.0 - 2.0 * side)
+    sum_up(model, work, work.wrench, S)
+
+
+@kernel
+def sum_up(model: MachineArrays, work: Work, wrench: Floats, S: Floats) -> None:
+    """Add the closures' wrenches ``(f,)`` to sums ``S`` (m, 15) over bodies, and to each what is behind it."""
+    f = np.zeros((1, 6))
     for k in range(len(model.closure_rows)):
         f[:, :] = 0.0
         for i in range(model.closure_rows[k]):
-            f[0, i] = work.wrench[model.closure_first[k] + i]
+            f[0, i] = wrench[model.closure_first[k] + i]
         for side in range(2):
             if model.closure_joint[k, side] >= 0:
                 act(S, model.closure_joint[k, side], work.place, k, f, 0, 2.0 * side - 1.0)

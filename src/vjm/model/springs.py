@@ -9,25 +9,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 
 from vjm.model.laws import Law
 from vjm.model.parts import Section
 from vjm.rotations import Array
-
-# Coefficients (a, b, c, e) from the Taylor series of φ and ψ about z = 0, with 1 + e z + f₂ z² + f₃ z³ + f₄ z⁴:
-# a = 2 f₂, b = 2 f₃, c = 2 f₄ + a²/4. √z cot √z = 1 − z/3 − z²/45 − 2z³/945 − z⁴/4725 − 2z⁵/93555.
-ROTATION = (14 / 15, -68 / 105, 9467 / 14175, -2 / 3)
-SHIFT = (34 / 105, 124 / 945, 5777 / 72765, 2 / 5)
-
-
-NEARLY_UNLOADED = 0.02
-"""−z up to which the root form of ψ is used in tension too: it is as near as 1e-10, and free of 0/0."""
-
-Number = Any
-"""A number, or an array of them."""
 
 
 class Spring(Protocol):
@@ -158,8 +146,8 @@ class BeamColumnSpring:
         """Coordinates ``(6,)``: shifts along x, y, z and turns about x, y, z."""
         N, Qy, Qz, T, My, Mz = reaction
         s, h = self.section, self.length
-        (cz, cz1, _), (dy, dy1, _) = self._plane(N, s.EIz, s.GAy)
-        (cy, cy1, _), (dz, dz1, _) = self._plane(N, s.EIy, s.GAz)
+        cz, cz1, _, dy, dy1, _ = self._plane(N, s.EIz, s.GAy)
+        cy, cy1, _, dz, dz1, _ = self._plane(N, s.EIy, s.GAz)
         bow = 0.5 * (cz1 * Mz**2 + dy1 * Qy**2 + cy1 * My**2 + dz1 * Qz**2)
         return np.array([h * N / s.EA + bow, dy * Qy, dz * Qz, h * T / s.GJ, cy * My, cz * Mz])
 
@@ -167,8 +155,8 @@ class BeamColumnSpring:
         """Tangent compliance ``(…, 6, 6)`` under reactions ``(…, 6)``; symmetric, as the law is conservative."""
         N, Qy, Qz, _, My, Mz = np.moveaxis(reaction, -1, 0)
         s, h = self.section, self.length
-        (cz, cz1, cz2), (dy, dy1, dy2) = self._plane(N, s.EIz, s.GAy)
-        (cy, cy1, cy2), (dz, dz1, dz2) = self._plane(N, s.EIy, s.GAz)
+        cz, cz1, cz2, dy, dy1, dy2 = self._plane(N, s.EIz, s.GAy)
+        cy, cy1, cy2, dz, dz1, dz2 = self._plane(N, s.EIy, s.GAz)
         k = np.zeros((*reaction.shape, 6))
         bowed = 0.5 * (cz2 * Mz**2 + dy2 * Qy**2 + cy2 * My**2 + dz2 * Qz**2)
         for i, own in enumerate((h / s.EA + bowed, dy, dz, h / s.GJ, cy, cz)):
@@ -181,54 +169,11 @@ class BeamColumnSpring:
         """Tangent stiffness ``(…, 6, 6)`` under reactions ``(…, 6)``."""
         return np.asarray(np.linalg.inv(self.compliance(reaction)), dtype=float)
 
-    def _plane(self, N: Number, EI: float, GA: float) -> tuple[tuple[Number, ...], tuple[Number, ...]]:
-        """Rotational and transverse compliance of one plane, each with its two derivatives by N."""
-        h = self.length
-        kappa, nu = h**2 / (4.0 * EI), 1.0 / self.section.EA - 1.0 / GA
-        stretch = 1.0 + nu * N
-        z, z1, z2 = -kappa * N * stretch, -kappa * (1.0 + 2.0 * nu * N), -2.0 * kappa * nu
-        f, f1, f2 = rotation(z, z1, z2)
-        g, g1, g2 = shift(z, z1, z2)
-        # 1/c = EI/h (1/φ + η)
-        k = 1.0 / f + kappa * nu * N**2
-        k1 = -f1 / f**2 + 2.0 * kappa * nu * N
-        k2 = -f2 / f**2 + 2.0 * f1**2 / f**3 + 2.0 * kappa * nu
-        p, p1, p2 = stretch**2, 2.0 * nu * stretch, 2.0 * nu**2
-        c0, d0 = h / EI, h**3 / (12.0 * EI)
-        c = (c0 / k, -c0 * k1 / k**2, c0 * (2.0 * k1**2 / k**3 - k2 / k**2))
-        d = (d0 * g * p + h / GA, d0 * (g1 * p + g * p1), d0 * (g2 * p + 2.0 * g1 * p1 + g * p2))
-        return c, d
+    def _plane(self, N: Array, EI: float, GA: float) -> Array:
+        """Rotational and transverse compliance ``(6, …)`` of one plane, each with two derivatives by N ``(…)``."""
+        # imported when it is asked for: compiled code takes longer to load than a model file
+        from vjm.kernels.beam_column import planes
 
-
-def rotation(z: Number, z1: Number, z2: Number) -> tuple[Number, Number, Number]:
-    """φ and its two derivatives by a variable by which z has the derivatives z1 and z2."""
-    return _rooted(z, z1, z2, ROTATION)
-
-
-def shift(z: Number, z1: Number, z2: Number) -> tuple[Number, Number, Number]:
-    """ψ and its two derivatives by a variable by which z has the derivatives z1 and z2."""
-    value, slope, curvature = _rooted(z, z1, z2, SHIFT)
-    pulled = np.minimum(z, -NEARLY_UNLOADED)
-    root = np.sqrt(-pulled)
-    G = root / np.tanh(root)
-    G1 = (G - pulled - G * G) / (2.0 * pulled)
-    G2 = -(G1 + 1.0 + 2.0 * G * G1) / (2.0 * pulled)
-    f = 3.0 * (1.0 / G - 1.0) / pulled
-    f1 = (-3.0 * G1 / G**2 - f) / pulled
-    f2 = (3.0 * (2.0 * G1**2 / G**3 - G2 / G**2) - 2.0 * f1) / pulled
-    exact = z < -NEARLY_UNLOADED
-    return (
-        np.where(exact, f, value)[()],
-        np.where(exact, f1 * z1, slope)[()],
-        np.where(exact, f2 * z1 * z1 + f1 * z2, curvature)[()],
-    )
-
-
-def _rooted(z: Number, z1: Number, z2: Number, form: tuple[float, ...]) -> tuple[Number, Number, Number]:
-    """``√(1 + a z² + b z³ + c z⁴) + e z`` and its derivatives by a variable by which z has z1 and z2."""
-    a, b, c, e = form
-    root = np.sqrt(1.0 + z * z * (a + z * (b + z * c)))
-    half = 0.5 * z * (2.0 * a + z * (3.0 * b + 4.0 * c * z)) / root
-    curvature = (a + z * (3.0 * b + 6.0 * c * z) - half * half) / root
-    slope = half + e
-    return root + e * z, slope * z1, curvature * z1 * z1 + slope * z2
+        N, result, h = np.asarray(N, dtype=float), np.empty((np.size(N), 6)), float(self.length)
+        planes(N.ravel(), float(self.section.EA), float(EI), h, h / GA, result)
+        return result.T.reshape(6, *N.shape)
