@@ -2,7 +2,7 @@
 
 Here are critical points, short stretches of other stability, and changes of a spring's law.
 
-The engine shows of itself what `FollowedProblem` (see there) says; a root between two points of different sign
+The engine shows of itself what `Problem` says; a root between two points of different sign
 places each event.
 """
 

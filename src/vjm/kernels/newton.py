@@ -57,7 +57,6 @@ def linearise(
         end_wrench: ``(e, 6)`` on the end frames, world axes.
         share: of all loads.
         ends: whether with the columns of the end frames.
-        led: see `newton`.
         work: written.
 
     Returns:
@@ -138,13 +137,7 @@ def newton(
 ) -> tuple[int, int, float, int]:  # fmt: skip
     """Equilibrium from ``x`` (n,) and the closures' wrenches, which are overwritten.
 
-    Args:
-        model: the machine.
-        command: see `linearise`.
-        natural: likewise.
-        x: likewise.
-        end_wrench: likewise.
-        share: likewise.
+    Args beside those of `linearise`:
         ends: whether with the columns of the end frames, but for the first iteration, which is seldom the last.
         tolerance: scaled residual at which it ends, by full steps; infinite to factor at the state that is given.
             Zero: steps are cut where they are large, and it ends when they are lost in rounding.
@@ -219,16 +212,7 @@ def loaded(
     The factors are those of a state that the last step, less than `LAST_STEP`, was taken from: they are not made
     anew for it.
 
-    Args:
-        model: the machine.
-        command: see `linearise`.
-        natural: likewise.
-        x: likewise; overwritten.
-        end_wrench: likewise.
-        gradual: whether loads are put on in steps where it is not found at once.
-        ends: whether with the columns of the end frames.
-        led: see `newton`.
-        work: written.
+    With ``gradual`` loads are put on in steps where it is not found at once; see `newton` for the other arguments.
 
     Returns:
         Number of negative eigenvalues, see `linearise`; `NO_EQUILIBRIUM` where none is found, and
@@ -319,7 +303,7 @@ def inverse_of(C: Floats, F: Floats, K: Floats) -> None:
 
 @entry
 def equilibria_of(
-    model: MachineArrays, work: Work, commands: Floats, naturals: Floats, homes: Floats, end_wrench: Floats,
+    model: MachineArrays, work: Work, commands: Floats, naturals: Floats, end_wrench: Floats,
     springs: Floats, gradual: bool, x: Floats, wrench: Floats, verdict: Ints, forces: Floats, end_R: Floats,
     end_p: Floats, deflection: Floats, compliance: Floats, stiffness: Floats,
 ) -> None:  # fmt: skip
@@ -330,7 +314,6 @@ def equilibria_of(
         work: written.
         commands: ``(g, m)`` values of the held joints.
         naturals: ``(g, n)`` coordinates at which springs are free of stress.
-        homes: ``(g or 1, n)`` coordinates of the unloaded posture: zero but for joints that closures turn.
         end_wrench: ``(g or 1, e, 6)`` wrenches on the end frames.
         springs: ``(g or 1, s, 3)`` laws of the springs between points.
         gradual: whether loads are put on in steps where an equilibrium is not found at once.
@@ -344,13 +327,12 @@ def equilibria_of(
         compliance: ``(g, e, 6, 6)`` tangent compliance of them; without rows where it is not wanted.
         stiffness: ``(g, e, 6, 6)`` its inverse, nan where it has none; likewise.
     """
-    F = np.empty((6, 6))
+    F, still = np.empty((6, 6)), np.zeros(x.shape[1])
     wanted = len(compliance) > 0
     for g in range(len(x)):
-        home = homes[g if len(homes) > 1 else 0]
         acting = end_wrench[g if len(end_wrench) > 1 else 0]
         model.spring[:] = springs[g if len(springs) > 1 else 0]
-        place(model, commands[g], home, work)
+        place(model, commands[g], still, work)
         turn_followers(model, work)
         end_R[g], end_p[g] = work.end_R, work.end_p
         work.wrench[:] = wrench[g]
@@ -375,21 +357,10 @@ def settled(
     model: MachineArrays, command: Floats, natural: Floats, x: Floats, end_wrench: Floats, gradual: bool,
     ends: bool, wrench: Floats, work: Work,
 ) -> int:  # fmt: skip
-    """The same as `loaded`; a machine with laws is also led to where these act, if it would fall else.
+    """The same as `loaded`, from closures' wrenches ``(f,)``; with laws led to where these act, if it would fall.
 
     Newton's method finds an equilibrium near by. Where a law has no slope the machine may fall from there. Led to
     where the law acts, the method may find another. The first one is kept unless that one is stable.
-
-    Args:
-        model: see `loaded`, as all others.
-        command: likewise.
-        natural: likewise.
-        x: likewise.
-        end_wrench: likewise.
-        gradual: likewise.
-        ends: likewise.
-        wrench: the closures' wrenches ``(f,)`` to start from.
-        work: likewise.
     """
     if len(model.law_most) == 0:
         return loaded(model, command, natural, x, end_wrench, gradual, ends, False, work)
@@ -408,15 +379,16 @@ def settled(
 
 @entry
 def residuals_of(
-    model: MachineArrays, work: Work, commands: Floats, naturals: Floats, homes: Floats, end_wrench: Floats,
+    model: MachineArrays, work: Work, commands: Floats, naturals: Floats, end_wrench: Floats,
     x: Floats, wrench: Floats, residual: Floats, gap: Floats,
 ) -> None:  # fmt: skip
     """Residuals ``(g, n)`` and closures' gaps ``(g, f)`` at coordinates that need not be equilibria.
 
     See `equilibria_of` for the arguments.
     """
+    still = np.zeros(x.shape[1])
     for g in range(len(x)):
-        place(model, commands[g], homes[g if len(homes) > 1 else 0], work)
+        place(model, commands[g], still, work)
         turn_followers(model, work)
         work.wrench[:] = wrench[g]
         acting = end_wrench[g if len(end_wrench) > 1 else 0]

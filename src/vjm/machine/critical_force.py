@@ -49,7 +49,7 @@ STILL = 1e-3
 
 @entry
 def inverses_of(
-    model: MachineArrays, work: Work, command: Floats, natural: Floats, home: Floats, end_wrench: Floats, x: Floats,
+    model: MachineArrays, work: Work, command: Floats, natural: Floats, end_wrench: Floats, x: Floats,
     wrench: Floats, out: Floats,
 ) -> None:  # fmt: skip
     """Inverse second variations ``out`` (g, n, n) on what the closures leave, scaled by the units, at equilibria.
@@ -58,7 +58,7 @@ def inverses_of(
     """
     n = x.shape[1]
     forces, none, v = np.empty(n), np.zeros(model.size[2]), np.zeros(n)
-    place(model, command, home, work)
+    place(model, command, v, work)
     turn_followers(model, work)
     for g in range(len(x)):
         work.wrench[:] = wrench[g]
@@ -251,7 +251,7 @@ class CriticalForce:
         behind, lost = np.zeros(g, dtype=np.int64), np.zeros(g, dtype=np.int64)
         critical_forces(
             self._machine, self._work, self.model.values(q[rows]), self.model.naturals(q[rows]),
-            np.zeros(self.model.coordinates), self.end, self.model.reach, self.most, rest.x[rows],
+            self.end, self.model.reach, self.most, rest.x[rows],
             rest.closures[rows], V, s, self._some[0], patterns, expected, force, behind, error, lost,
         )  # fmt: skip
         for i, k in enumerate(rows):
@@ -282,7 +282,7 @@ class CriticalForce:
         for k in range(g):
             own = slice(3 * k, 3 * k + 3)
             inverses_of(
-                self._machine, self._work, commands[k], naturals[k], np.zeros(n),
+                self._machine, self._work, commands[k], naturals[k],
                 self._wrenches(np.vstack([np.zeros(3), forces[own]])), np.vstack([x[k : k + 1], pushed.x[own]]),
                 np.vstack([closures[k : k + 1], pushed.closures[own]]), S,
             )  # fmt: skip

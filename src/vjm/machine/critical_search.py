@@ -256,26 +256,12 @@ def equilibrium_at(
     scale: Floats, theta: Floats, patterns: Floats, fine: bool, x: Floats, wrench: Floats, force: Floats,
     felt: Floats, mode: Floats, response: Floats,
 ) -> int:  # fmt: skip
-    """Equilibrium at coordinates ``(3,)`` of a chart about a point ``centre`` (n + 3,): motion and force.
+    """Equilibrium at coordinates ``theta`` (3,) of a chart about a point ``centre`` (n + 3,): motion and force.
 
-    Args:
-        model: the machine.
-        work: written.
-        command: ``(m,)`` values of the held joints.
-        natural: ``(n,)`` coordinates at which the springs are free of stress.
-        end: index of the end frame.
-        centre: where the chart begins.
-        Q: see `set_chart`.
-        scale: likewise.
-        theta: coordinates.
-        patterns: ``(k, n)`` forces of devices that push along a motion.
-        fine: to the last digit, and with the response; else as a point of a quadratic model.
-        x: ``(n,)`` coordinates to start from; become the equilibrium's.
-        wrench: ``(f,)`` of the closures, likewise.
-        force: ``(3,)`` N, likewise.
-        felt: ``(k,)`` written: stiffnesses that the devices feel.
-        mode: ``(n,)`` written: what the last device's unit push moves.
-        response: ``(n, 3)`` written: what unit forces on the end move.
+    It is found from coordinates ``x`` (n,), the closures' ``wrench`` (f,) and the ``force`` (3,) in N, which become
+    its own. With ``fine`` to the last digit, and with the ``response`` (n, 3) to unit forces on the end; else as a
+    point of a quadratic model. Written are ``felt`` (k,), the stiffnesses that devices feel which push along a
+    motion with ``patterns`` (k, n) of forces, and ``mode`` (n,), what the last one's unit push moves.
 
     Returns:
         Number of negative eigenvalues, −1 where no equilibrium was found.
@@ -345,13 +331,8 @@ def push_along(model: MachineArrays, V: Floats, s: Floats, mode: Floats, pattern
 
     They are what the motion takes without a force. Where a turned machine moves stiff parts along with soft ones,
     these would drown the rest: a part counts as no stiffer than the motion as a whole.
-
-    Args:
-        model: the machine.
-        V: ``(n, k)`` orthonormal motions without a force, scaled, and
-        s: ``(k,)`` their compliances.
-        mode: ``(n,)`` the motion.
-        pattern: written.
+    ``V`` (n, k) are orthonormal motions without a force, scaled, ``s`` (k,) their compliances, ``mode`` (n,) the
+    motion; ``pattern`` is written.
     """
     n, k = V.shape
     along, size, own, felt = np.zeros(k), 0.0, 0.0, 0.0
@@ -484,14 +465,7 @@ def _followed(
 ) -> tuple[int, int, float]:  # fmt: skip
     """Along the constrained minimum to a critical equilibrium.
 
-    Args:
-        model: the machine.
-        work: written.
-        command: ``(m,)`` values of the held joints.
-        natural: ``(n,)`` coordinates at which the springs are free of stress.
-        end: index of the end frame.
-        V: see `push_along`.
-        s: likewise.
+    Args beside those of `linearise` and `push_along`:
         most: force beyond which the search is given up, N.
         least: the least critical force so far, N; infinite where there is none.
         expected: the force that is expected, N.
@@ -676,7 +650,7 @@ def _smallest_mode(
 
 @entry
 def critical_forces(
-    model: MachineArrays, work: Work, commands: Floats, naturals: Floats, home: Floats, end: int, reach: float,
+    model: MachineArrays, work: Work, commands: Floats, naturals: Floats, end: int, reach: float,
     most: float, rest_x: Floats, rest_wrench: Floats, V: Floats, s: Floats, some: Floats, patterns: Floats,
     expected: Floats, force: Floats, behind: Ints, error: Floats, lost: Ints,
 ) -> None:  # fmt: skip
@@ -687,7 +661,6 @@ def critical_forces(
         work: written.
         commands: ``(g, m)`` values of the held joints.
         naturals: ``(g, n)`` coordinates at which the springs are free of stress.
-        home: ``(n,)`` coordinates of the unloaded posture.
         end: index of the end frame.
         reach: of the machine, mm.
         most: largest force tried, N.
@@ -714,9 +687,10 @@ def critical_forces(
     row, rows, felt, Q = np.empty(4 + n + f), np.empty((9, 4 + n + f)), np.empty((9, starts)), np.empty((n + 3, 3))
     rest, response, scale = np.empty((n, 3)), np.empty((n, 3)), np.empty(n + 3)
     slope, bend, centre = np.empty((4 + n + f, 3)), np.empty((4 + n + f, 3, 3)), np.zeros(n + 3)
+    still = np.zeros(n)
     for g in range(len(commands)):
         command, natural = commands[g], naturals[g]
-        place(model, command, home, work)
+        place(model, command, still, work)
         turn_followers(model, work)
         for k in range(starts):
             start_x[k], start_wrench[k], start_force[k] = rest_x[g], rest_wrench[g], 0.0

@@ -120,7 +120,7 @@ def equilibria(
         else _partially_unloaded_springs(model, q, share)
     )
     equilibria_of(
-        *objects(arrays), commands, naturals, np.zeros((1, n)), F, springs, gradual, x, closures, verdict, forces,
+        *objects(arrays), commands, naturals, F, springs, gradual, x, closures, verdict, forces,
         R, p, moved, C, K,
     )  # fmt: skip
     lost, undetermined = verdict == LOST, verdict == UNDETERMINED
@@ -195,7 +195,7 @@ def free_equilibria(
     g, e = p.shape[:2]
     none = np.zeros((0, e, 6, 6))
     equilibria_of(
-        *objects(arrays), commands, naturals, np.zeros((1, x.shape[1])), wrench, arrays.spring[None], True, x,
+        *objects(arrays), commands, naturals, wrench, arrays.spring[None], True, x,
         closures, verdict, forces, R, p, np.zeros((g, e, 6)), none, none,
     )  # fmt: skip
 
@@ -226,7 +226,7 @@ def largest_residual(
     arrays, q, x = _arrays(model, gravity, loads, F), states.q, states.x
     r, gap = np.zeros_like(x), np.zeros_like(states.closures)
     residuals_of(
-        *objects(arrays), model.values(q), model.naturals(q), np.zeros((1, model.coordinates)), F, x,
+        *objects(arrays), model.values(q), model.naturals(q), F, x,
         states.closures, r, gap,
     )  # fmt: skip
     unit, wrench_unit = arrays.unit, np.ones(states.closures.shape[1])
