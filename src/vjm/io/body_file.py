@@ -46,9 +46,11 @@ class BodyJointKind:
     Attributes:
         says: what it is, for the page on model files.
         motions: from a joint's table, its elementary joints from the first body to the second.
-        keys: that it needs beside ``name``, ``between`` and ``at_mm``; it takes no others of `OWN_KEYS`.
+        keys: that it needs beside ``name``, ``between`` and ``at_mm``; it takes no others of `OWN_KEYS`. A new
+            one is also a field of `BodyJointTable` and a name in `OWN_KEYS`.
         part: kind of the parts of a chain file that it becomes.
-        given: whether a posture gives its coordinates.
+        given: whether it has coordinates that stand in a posture. Those of a passive joint do so in a machine
+            without loops and couplings; in others a posture that names them is refused, for they follow.
         place_only: whether all that it holds is the place of a point: a loop is cut there without any joint.
 
     Example:

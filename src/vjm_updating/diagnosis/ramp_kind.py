@@ -1,7 +1,8 @@
 """Tests in which the end-effector is taken along ramps of displacement and its wrench is read; other kinds differ.
 
 Every step of a diagnosis asks the kind of test for what differs, and none asks which it is. A further kind is a
-class with the methods that differ from those of `RampTest`, and a line in `vjm_updating.diagnosis.kinds`.
+class with the methods that differ from those of `RampTest`, and a line in `vjm_updating.diagnosis.kinds`. Its sheet
+and columns are those of ramps; CONTRIBUTING.md says what a kind with columns of its own needs.
 """
 
 from __future__ import annotations

@@ -207,7 +207,7 @@ class Effect:
     """A cause. Subclasses are frozen dataclasses; what distinguishes variants (the part) is their attributes.
 
     Attributes:
-        cause: name of the cause, MEASURED's where it has one.
+        cause: name of the cause: that of docs/measured-data.md where it has one.
         title: what it is, in a few words.
         part: where it sits, for causes that can sit in several places; else empty.
         extent: how many of the first quantities are its size together: the components of a vector.
@@ -253,7 +253,7 @@ class Effect:
         return machine
 
     def elements(self, machine: ModifiedChain, values: Sequence[float]) -> tuple[SeriesElement, ...]:
-        """Elements in series with the machine."""
+        """Elements in series with the machine. Their laws see force, clock and posture, and no temperature."""
         return ()
 
     def relaxation(self, machine: ModifiedChain, values: Sequence[float]) -> Relaxation | None:

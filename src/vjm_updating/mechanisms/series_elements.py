@@ -53,7 +53,7 @@ class History:
     """When readings were taken, in their order.
 
     Attributes:
-        time: s ``(n,)``; zero where there is no clock.
+        time: s since the first reading ``(n,)``; zero where there is no clock.
         begins: ``(n,)`` whether a reading is the first of a posture: what has a history is fresh there.
         line: unit vector ``(n, 3)`` along the last link of each reading's unloaded posture, from root to tip.
         lever: from the base's origin to the end-effector where it stands ``(n, 3)``, mm, world axes.
@@ -76,7 +76,7 @@ class History:
 
 
 Law = Callable[[Array, History], tuple[Array, Array]]
-"""Extension ``(n,)`` under forces ``(n,)`` in their order, and its instantaneous derivative by the force."""
+"""Extension ``(n,)`` under forces ``(n,)`` in their order, and its instantaneous derivative by them, ``(n,)``."""
 
 
 class ElementSite(ABC):

@@ -261,7 +261,7 @@ def simulate_(
         tuple[str, ...],
         Parameter(
             help="An effect: CAUSE, CAUSE=VALUE of its first parameter, or CAUSE.PARAMETER=VALUE, such as "
-            "link_bow=1.0; may be repeated. docs/effects.md lists them."
+            "link_bow=1.0; may be repeated. docs/measured-data.md lists them."
         ),
     ] = (),
     effects: EffectFiles = (),
