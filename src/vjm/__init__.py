@@ -51,7 +51,7 @@ if TYPE_CHECKING:
     from vjm.robots import read_robot, robot_text
     from vjm.rotations import translation, turn
 
-__version__ = "0.3.0"
+__version__ = "0.4.0"
 
 _MODULES = {
     "vjm.analysis": "Buckling buckling LoadedStiffness stiffness trace",

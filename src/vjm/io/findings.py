@@ -1,6 +1,6 @@
 """What is implausible or old about an input that is well-formed: a grade, a place, and the likely mistake.
 
-Old names of causes are read on for one release, and said.
+Old names of causes and old words of JSON documents are read on for one release, and said.
 """
 
 from __future__ import annotations
@@ -74,12 +74,16 @@ CAUSES = {
 """Causes that tests of poses and deflections named differently than other tests, and the one name of each."""
 CAUSE_KEYS = ("cause", "causes", "families", "family", "parameter")
 """Keys of JSON documents whose values are causes, or begin with one: ``joint_compliance.elbow``."""
-CAUSES_UNTIL = "0.5.0"
-"""The version that reads the old names of causes no more."""
+DOCUMENT_KEYS = {"ladder": "selection"}
+"""Old keys of JSON documents, and what each is now."""
+DOCUMENT_VALUES = {key: {"bend-over": "stiffness-knee"} for key in ("critical", "kind")}
+"""Of a key of a JSON document: its old values, and what each is now."""
+UNTIL = "0.5.0"
+"""The version that reads the old words no more."""
 
 
 def present_document(content: dict[str, Any], file: str) -> tuple[dict[str, Any], list[Finding]]:
-    """A JSON document with the present names of causes, and a finding for each old one in it.
+    """A JSON document in the present words, and a finding for each old word in it.
 
     Example:
         >>> present_document({"cause": "backlash"}, "diagnosis.json")[0]
@@ -89,11 +93,14 @@ def present_document(content: dict[str, Any], file: str) -> tuple[dict[str, Any]
 
     def present(value: Any, key: str) -> Any:  # noqa: ANN401
         if isinstance(value, dict):
-            return {name: present(one, name) for name, one in value.items()}
+            old.update({name: DOCUMENT_KEYS[name] for name in value if name in DOCUMENT_KEYS})
+            return {DOCUMENT_KEYS.get(name, name): present(one, name) for name, one in value.items()}
         if isinstance(value, list):
             return [present(one, key) for one in value]
-        if isinstance(value, str) and key in CAUSE_KEYS and (new := _present_cause(value)) != value:
-            old[value] = new
+        if isinstance(value, str):
+            new = _present_cause(value) if key in CAUSE_KEYS else DOCUMENT_VALUES.get(key, {}).get(value, value)
+            if new != value:
+                old[value] = new
             return new
         return value
 
@@ -119,5 +126,5 @@ def _present_cause(name: str) -> str:
 
 
 def _renamed(where: str, old: str, new: str) -> Finding:
-    said = f"'{old}' is now called '{new}'; the old word is read until {CAUSES_UNTIL}"
+    said = f"'{old}' is now called '{new}'; the old word is read until {UNTIL}"
     return Finding(Grade.NOTED, where, said)

@@ -16,7 +16,7 @@ from vjm.continuation.arc_length import trace
 from vjm.continuation.lumped_problem import LumpedProblem
 from vjm.engines import VjmEngine
 from vjm.io.files import toml_text
-from vjm.io.findings import CAUSES, CAUSES_UNTIL, present_causes, present_document
+from vjm.io.findings import CAUSES, UNTIL, present_causes, present_document
 from vjm.io.joint_tables import CoupledTable
 from vjm.io.model_file import ModelFileError, build_chain, load_chain, read_document
 from vjm.model.load_case import LoadCase
@@ -190,7 +190,7 @@ def test_other_words_are_refused_by_the_present_ones(word):
 
 
 def test_old_words_go_with_the_version_that_is_said():
-    assert Version(vjm.__version__) < Version(CAUSES_UNTIL)
+    assert Version(vjm.__version__) < Version(UNTIL)
 
 
 @pytest.mark.parametrize(("old", "new"), CAUSES.items())
@@ -198,7 +198,7 @@ def test_an_old_name_of_a_cause_is_read_and_said(old, new):
     names, findings = present_causes([f"{old}.elbow", new], "--fit")
     assert names == (f"{new}.elbow", new)
     assert [finding.found for finding in findings] == [
-        f"'{old}.elbow' is now called '{new}.elbow'; the old word is read until {CAUSES_UNTIL}"
+        f"'{old}.elbow' is now called '{new}.elbow'; the old word is read until {UNTIL}"
     ]
     document, findings = present_document({"named": {"causes": [old], "title": old}}, "diagnosis.json")
     assert document == {"named": {"causes": [new], "title": old}}

@@ -51,22 +51,23 @@ def test_a_moved_figure_is_named_with_its_change(runs, tmp_path):
     validate("compare", first, second, "--tolerance", "1e-3")
 
 
-def test_old_names_of_causes_are_read_and_said(runs):
-    """A run of before causes were renamed has the figures of one that is written now."""
-    named = {"old": "backlash.elbow", "new": "actuator_backlash.elbow"}
-    old, new = (
-        runs(
-            age,
-            lambda d, age=age: d["chain"]["A"]["tension"]["vjm-paper"].update(
-                {"selection": [{"cause": named[age], "fitted_mm": 1.0}]}
-            ),
+def test_old_words_of_a_document_are_read_and_said(runs):
+    """A run of before the words were changed has the figures of one that is written now."""
+    words = {
+        "old": ("ladder", "bend-over", "backlash.elbow"),
+        "new": ("selection", "stiffness-knee", "actuator_backlash.elbow"),
+    }
+
+    def edit(document, key, critical, cause):
+        document["chain"]["A"]["tension"]["vjm-paper"].update(
+            {"critical": critical, key: [{"cause": cause, "fitted_mm": 1.0}]}
         )
-        for age in ("old", "new")
-    )
+
+    old, new = (runs(age, lambda d, said=said: edit(d, *said)) for age, said in words.items())
     said = validate("compare", old, new)
-    assert "0 of 8 figures moved" in said.out
-    note = f"note: {old}/summary.json: '{named['old']}' is now called '{named['new']}'; the old word is read until"
-    assert note in said.err
+    assert "0 of 9 figures moved" in said.out
+    for before, now in zip(*words.values(), strict=True):
+        assert f"note: {old}/summary.json: '{before}' is now called '{now}'; the old word is read until" in said.err
     assert str(new) not in said.err
 
 
