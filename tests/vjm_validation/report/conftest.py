@@ -113,6 +113,14 @@ def row(quantity, unit, published, ours, low, high, *, inside, differs=False):
     }  # fmt: skip
 
 
+@pytest.fixture(scope="session")
+def folder(computed, tmp_path_factory):
+    """Where the run's report is written, pictures and all."""
+    out = tmp_path_factory.mktemp("report")
+    assert page.write_report(computed, out) == out / "index.html"
+    return out
+
+
 @pytest.fixture
 def run(computed):
     """A copy that a test may spoil."""

@@ -32,13 +32,6 @@ def browser():
         browser.close()
 
 
-@pytest.fixture(scope="module")
-def folder(computed, tmp_path_factory):
-    out = tmp_path_factory.mktemp("browsed")
-    write_report(computed, out)
-    return out
-
-
 @pytest.fixture
 def open_page(browser):
     """Opens a file at a width; what was asked for and what went wrong is kept beside the page."""

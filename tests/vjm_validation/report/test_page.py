@@ -40,13 +40,6 @@ class Elements(HTMLParser):
 
 
 @pytest.fixture(scope="module")
-def folder(computed, tmp_path_factory):
-    out = tmp_path_factory.mktemp("report")
-    assert write_report(computed, out) == out / "index.html"
-    return out
-
-
-@pytest.fixture(scope="module")
 def text(folder):
     return (folder / "index.html").read_text()
 
