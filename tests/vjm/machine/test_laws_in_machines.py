@@ -49,7 +49,7 @@ def least_energy(statics, unit):
 
 def value(statics, x):
     """The energy at coordinates ``(n,)``."""
-    return float(statics.energy(x[None])[0])
+    return float(statics.energy(x[None])[0].real)
 
 
 def close_to_the_energy(seed: int) -> str:
