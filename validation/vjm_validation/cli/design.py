@@ -39,6 +39,7 @@ from vjm_output import terminal
 from vjm_output.documents import doubt_rows
 from vjm_updating.maps.run import on_cluster
 from vjm_validation.cli import INTERRUPTED, NOT_ACCEPTED, OK, UsageError
+from vjm_validation.cli.contents import front_content, optimum_content, sensitivity_content, sweep_content
 from vjm_validation.cli.options import (
     ENGINE_CHOICE,
     NO_LOADS,
@@ -63,13 +64,9 @@ from vjm_validation.design_documents import (
     OptimumDocument,
     OptimumLimit,
     confirmed_rows,
-    front_content,
     number_rows,
-    optimum_content,
     part_rows,
-    sensitivity_content,
     sensitivity_document,
-    sweep_content,
     sweep_document,
 )
 from vjm_validation.load_any_model import in_postures

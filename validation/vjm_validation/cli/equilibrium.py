@@ -20,6 +20,7 @@ from vjm.engines import EngineOptions, VjmEngine, engine_by_name
 from vjm_output import terminal
 from vjm_output.documents import doubt_rows
 from vjm_validation.cli import OK, UsageError, tables
+from vjm_validation.cli.contents import modes_content
 from vjm_validation.cli.options import (
     ENGINE_CHOICE,
     NO_LOADS,
@@ -42,7 +43,6 @@ from vjm_validation.cli.options import (
 from vjm_validation.cli.pages import OUTPUT, Output
 from vjm_validation.compensation import CompensationDocument, compensation, read_tool_path, write_commands
 from vjm_validation.design_documents import (
-    modes_content,
     modes_document,
     shares_lines,
     shares_row,

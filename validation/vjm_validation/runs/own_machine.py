@@ -591,19 +591,8 @@ def _convergence(study: OwnMachine) -> Picture | None:
     )  # fmt: skip
 
 
-WRITTEN = [
-    "stiffness",
-    "loads",
-    "critical",
-    "convergence",
-    "elements",
-    "shares",
-    "shares_along",
-    "modes",
-    "sensitivity",
-    "map",
-    "notes",
-]
+WRITTEN = ("stiffness", "loads", "critical", "convergence", "elements", "shares", "shares_along", "modes",
+           "sensitivity", "map", "notes")  # fmt: skip
 """Of a study, as they are in its summary."""
 NOTHING_CHECKED = "anything checked"
 """Name of the only row of a run that looked at nothing, which is no pass."""
