@@ -29,6 +29,8 @@ PULL, PUSH = 1.2, 2.4
 FURTHER = 3.4
 """mm of compression to which the models are taken: past all critical points."""
 SEED = 31
+HALVES = {"cycle 1": "tension", "cycle 2": "compression"}
+"""What the test's two ramps are, each held out once."""
 SHEET_TEXT = """\
 [test]
 title = "finite elements, posture A"
@@ -123,7 +125,10 @@ def _rows(diagnosis: Diagnosis, truth: float | None) -> Discovery:
         verdict=diagnosis.verdict,
         causes=diagnosis.causes,
         confidence=diagnosis.confidence,
-        held_out=diagnosis.gain.folds if diagnosis.gain is not None else [],
+        held_out=[
+            fold.model_copy(update={"name": HALVES.get(fold.name, fold.name)})
+            for fold in (diagnosis.gain.folds if diagnosis.gain is not None else [])
+        ],
         critical=diagnosis.critical,
         truth_N=truth,
         readings=diagnosis.noise.readings if diagnosis.noise is not None else 0,
