@@ -249,7 +249,7 @@ END = "end-effector"
 """Name of the last part, behind the body that carries the tool."""
 
 _TABLES: dict[str, type[Table]] = {
-    "": BodyFile, "bodies": BodyTable, "joint": BodyJointTable, "beams": BodyBeamTable,
+    "": BodyFile, "body": BodyTable, "joint": BodyJointTable, "beam": BodyBeamTable,
     "end": EndTable, "units": Table,
     "point_spring": SpringTable, "coupling": CouplingTable,
 }  # fmt: skip

@@ -114,12 +114,18 @@ def _sentence(detail: ErrorDetails, document: Mapping[str, Any], known_keys: Kno
     return f"{where}: {text}" if where else text
 
 
+_ENTRIES = {
+    f"{word}s": word for word in ("part", "piece", "point_spring", "closure", "coupling", "joint", "beam", "leg")
+}
+_ENTRIES["bodies"] = "body"
+"""Lists of tables, and what one is called, which is also its tag."""
+
+
 def _place(loc: tuple[int | str, ...], document: Mapping[str, Any]) -> tuple[str, list[int | str], str]:
     """Where an error lies: the part or table in words, the path of keys inside it, the table's tag."""
     path = list(loc)
-    tables = ("parts", "pieces", "point_springs", "closures", "couplings", "joints")
-    if len(path) >= 2 and path[0] in tables and isinstance(path[1], int):
-        index, word = path[1], str(path[0])[:-1]
+    if len(path) >= 2 and path[0] in _ENTRIES and isinstance(path[1], int):
+        index, word = path[1], _ENTRIES[str(path[0])]
         raw = document[str(path[0])][index]
         name = raw.get("name") if isinstance(raw, dict) else None
         where = f"{word} '{name}'" if isinstance(name, str) else f"{word} {index + 1}"
@@ -134,7 +140,7 @@ def _place(loc: tuple[int | str, ...], document: Mapping[str, Any]) -> tuple[str
         # pydantic names the kind of the posture on the way, and by "[key]" that the key itself is wrong
         inner = path[3:] if path[2:3] in (["row"], ["table"]) else path[2:]
         return f"posture '{path[1]}'", ["its label" if step == "[key]" else step for step in inner], ""
-    if len(path) >= 2 and path[0] in ("units", "base", "springs"):
+    if len(path) >= 2 and path[0] in ("units", "base", "springs", "platform"):
         return f"[{path[0]}]", path[1:], "turn" if "turns" in path[:-1] else str(path[0])
     return "", path, ""
 

@@ -5,17 +5,16 @@ The document of the chain file that says the same: parts of all legs, closures f
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from importlib import resources
 from importlib.resources.abc import Traversable
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeAlias
 
 import numpy as np
-import pydantic
 from pydantic import Field
 
-from vjm.io.errors import ModelFileError, one_line
+from vjm.io.errors import ModelFileError, validated
 from vjm.io.fields import Name, Table
 from vjm.io.inertia import InertiaKgMM2, inertia_matrix, inertia_values
 from vjm.io.joint_tables import Mass, Poses, Workspace
@@ -113,26 +112,9 @@ class ManipulatorFile(Table):
 
 
 _TABLES: dict[str, type[Table]] = {
-    "units": Units, "base": Base, "turn": Turn, "legs": LegTable, "couplings": LegCouplingTable,
-    "workspace": Workspace, "platform": PlatformTable, "bodies": PlatformBodyTable,
+    "units": Units, "turn": Turn, "leg": LegTable, "coupling": LegCouplingTable, "workspace": Workspace,
+    "platform": PlatformTable, "body": PlatformBodyTable,
 }  # fmt: skip
-
-
-def _one_line(error: pydantic.ValidationError, content: Mapping[str, Any]) -> str:
-    """`vjm.io.errors.one_line`, with legs by their names."""
-    details = sorted(error.errors(include_url=False), key=lambda one: one["type"] != "extra_forbidden")
-    inside = str(details[0]["loc"][0]) if len(details[0]["loc"]) > 1 else ""
-
-    def known_keys(table: str) -> Iterable[str]:
-        return list(_TABLES.get(table or inside, ManipulatorFile).model_fields)
-
-    text = one_line(error, content, known_keys)
-    legs = content.get("legs", [])
-    for i, leg in enumerate(legs if isinstance(legs, list) else []):
-        if isinstance(leg, dict) and isinstance(leg.get("name"), str):
-            text = text.replace(f"legs entry {i + 1}.", f"leg '{leg['name']}': ")
-            text = text.replace(f"legs entry {i + 1}", f"leg '{leg['name']}'")
-    return text
 
 
 def manipulators() -> list[LibraryEntry]:
@@ -167,10 +149,9 @@ def read_table(document: ModelDocument) -> ManipulatorFile:
     Raises:
         ModelFileError: it is none; one line that says how to correct it.
     """
-    try:
-        return ManipulatorFile.model_validate(document.content)
-    except pydantic.ValidationError as error:
-        raise ModelFileError(f"{document.file}: {_one_line(error, document.content)}") from error
+    return validated(
+        ManipulatorFile, document.content, document.file, lambda tag: _TABLES.get(tag, ManipulatorFile).model_fields
+    )
 
 
 def leg_documents(name_or_path: Model) -> dict[str, ModelDocument]:

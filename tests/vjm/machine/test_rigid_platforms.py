@@ -405,7 +405,7 @@ def wrong(change):
     ("change", "words"),
     [
         (lambda d: d["legs"][1].update(chain="no-such-chain"), "chain 'no-such-chain' is neither a file beside"),
-        (lambda d: d["legs"][1].update(drives="x"), "unknown key 'drives' in leg 'y'; did you mean 'drive'"),
+        (lambda d: d["legs"][1].update(drives="x"), "leg 'y': unknown key 'drives'; did you mean 'drive'"),
         (lambda d: d["legs"][1].pop("name"), "name is missing"),
         (lambda d: d["legs"][1].update(drive="link"), "leg 'y': drive 'link' is no actuator"),
         (lambda d: d["legs"][1].update(posture="Z"), "leg 'y': orthoglide-chain: no posture 'Z'"),
