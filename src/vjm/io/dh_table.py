@@ -22,7 +22,7 @@ from vjm.io.fields import LONGEST_MM, Table
 from vjm.io.files import csv_rows, small_text, toml_content, toml_line, toml_text
 from vjm.io.robot import Body, Kind, Notes, Placing, Reading, Robot, RobotJoint, triple, turned
 from vjm.io.robot_xml import WHOLE_TURN, FilePlace, rpy_turns, taken_limits
-from vjm.rotations import Array, frame, inverse_frame, roll_pitch_yaw
+from vjm.rotations import Array, inverse_frame, roll_pitch_yaw
 
 Convention = Literal["dh", "mdh"]
 Parallel = Literal["beta", "offsets"]
@@ -102,11 +102,6 @@ def _step(axis: DhRow, normal: DhRow) -> Placing:
         (normal.a * c + 0.0, normal.a * s + 0.0, axis.d + 0.0),
         tuple((about, angle) for about, angle in turns if angle),
     )
-
-
-def placed(placing: Placing) -> Array:
-    """The frame ``(4, 4)`` of a placing, mm."""
-    return frame(turned(placing.turns), placing.shift)
 
 
 def _placing_of(T: Array, size: float) -> Placing:
@@ -217,11 +212,11 @@ def dh_table(chain: SerialChain, convention: Convention, parallel: Parallel = "b
         dh_rows.append(row)
     end = rest @ chain.steps[-1]
     dh_rows.append(_last(end, size, hayati=parallel == "beta"))
-    tool = inverse_frame(_frame_of(dh_rows[-1])) @ end
+    tool = inverse_frame(_step(dh_rows[-1], dh_rows[-1]).frame) @ end
     normals = dh_rows
     if convention == "mdh":
-        last = dh_rows[-1]
-        tool = _frame_of(replace(last, theta=0.0, d=0.0)) @ tool
+        still = replace(dh_rows[-1], theta=0.0, d=0.0)
+        tool = _step(still, still).frame @ tool
         normals = [DhRow(""), *dh_rows[:-1]]
     rows = tuple(
         replace(joint, theta=own.theta, d=own.d, a=normal.a, alpha=normal.alpha, beta=normal.beta)
@@ -234,10 +229,6 @@ def dh_table(chain: SerialChain, convention: Convention, parallel: Parallel = "b
             f"{printed(max(abs(row.d) for row in far) / 1e3, 3)} m would lose digits: write them with beta"
         )
     return DhTable(chain.name, convention, rows, _placing_of(base, size), _placing_of(tool, size))
-
-
-def _frame_of(row: DhRow) -> Array:
-    return placed(_step(row, row))
 
 
 def _base(T: Array) -> Array:
@@ -254,7 +245,7 @@ def _base(T: Array) -> Array:
     # where the axis meets the plane of the base, or is next to its origin
     along = p[2] / u[2] if sine < NEARLY_PARALLEL else p @ u
     x, y, z = (p - along * u).tolist()
-    return placed(Placing((x, y, z), turns))
+    return Placing((x, y, z), turns).frame
 
 
 def _split(T: Array, size: float, *, hayati: bool) -> tuple[DhRow, Array]:
@@ -263,9 +254,9 @@ def _split(T: Array, size: float, *, hayati: bool) -> tuple[DhRow, Array]:
     sine = math.hypot(u[0], u[1])
     parallel = sine < (NEARLY_PARALLEL if hayati else ROUNDING)
     row = _parallel(T, size) if parallel else _common_normal(T, size)
-    rest = inverse_frame(_frame_of(row)) @ T
+    rest = inverse_frame(_step(row, row).frame) @ T
     angle = math.atan2(rest[1, 0], rest[0, 0])
-    return row, placed(Placing((0.0, 0.0, float(rest[2, 3])), ((Z, angle),)))
+    return row, Placing((0.0, 0.0, float(rest[2, 3])), ((Z, angle),)).frame
 
 
 def _last(T: Array, size: float, *, hayati: bool) -> DhRow:

@@ -12,7 +12,7 @@ import numpy as np
 
 from vjm.io.errors import ModelFileError
 from vjm.io.fields import LONGEST_MM
-from vjm.rotations import Array, rotation_from_vector
+from vjm.rotations import Array, frame, rotation_from_vector
 
 Kind = Literal["fixed", "turns", "slides"]
 Turns = tuple[tuple[tuple[float, float, float], float], ...]
@@ -78,6 +78,11 @@ class Placing:
     def is_identity(self) -> bool:
         """Whether it moves nothing."""
         return not any(self.shift) and not self.turns
+
+    @property
+    def frame(self) -> Array:
+        """The frame ``(4, 4)``, mm."""
+        return frame(turned(self.turns), self.shift)
 
     def keys(self, shift: str = "translation_mm") -> dict[str, Any]:
         """Of a table in a model file, where the shift has a key."""

@@ -13,8 +13,8 @@ from vjm.io.errors import ModelFileError, printed
 from vjm.io.fields import LONGEST_MM
 from vjm.io.files import toml_text
 from vjm.io.joint_tables import HEAVIEST
-from vjm.io.robot import Mimic, Notes, Robot, RobotJoint, axis_key, new_name, turned, unit_axis
-from vjm.rotations import Array, frame
+from vjm.io.robot import Mimic, Notes, Robot, RobotJoint, axis_key, new_name, unit_axis
+from vjm.rotations import Array
 
 PLACEHOLDER = {"turns": 1e-8, "slides": 1e-4}
 """rad/(N mm) and mm/N, of the size of an industrial arm's gear (1e-5 rad/(N m)) and of a ball screw."""
@@ -93,7 +93,7 @@ def _refuse_implausible(robot: Robot) -> None:
     # a robot's links have other names than its joints: those are told from them by a sign that no name begins with
     steps, places = list[PlacedPiece](), {robot.root: np.eye(4)}
     for joint in robot.joints:
-        T = frame(turned(joint.placing.turns), joint.placing.shift)
+        T = joint.placing.frame
         axis = unit_axis(np.array(joint.axis)) if joint.kind == "turns" else None
         before = f"\0{joint.parent}" if joint.parent != robot.root else ""
         steps.append(PlacedPiece(joint.name, before, T))

@@ -25,13 +25,12 @@ from vjm.io.errors import ModelFileError, did_you_mean, printed
 from vjm.io.foreign_readers import expanded_xacro
 from vjm.io.inertia import inertia_matrix
 from vjm.io.mjcf import mjcf_robot
-from vjm.io.robot import USUAL, Body, FileUnits, Reading, Robot, turned
+from vjm.io.robot import USUAL, Body, FileUnits, Reading, Robot
 from vjm.io.robot_document import Imported, robot_document
 from vjm.io.sdf import sdf_robot
 from vjm.io.stiffness_file import beside, fill_in
 from vjm.io.ur_calibration import controller_robot, kinematics_robot
 from vjm.io.urdf import urdf_robot
-from vjm.rotations import frame
 
 DENSITY, SIZE, GYRATION = (2.2, 56.0), (0.23, 2.9), (0.013, 0.58)
 """kg/m³, m, and a share of the size: the least and the most of these robots."""
@@ -92,7 +91,7 @@ def _extent(robot: Robot) -> Extent:
     """How large and how heavy a robot is."""
     places, ways = {robot.root: np.eye(4)}, {robot.root: 0.0}
     for joint in robot.joints:
-        places[joint.child] = places[joint.parent] @ frame(turned(joint.placing.turns), joint.placing.shift)
+        places[joint.child] = places[joint.parent] @ joint.placing.frame
         ways[joint.child] = ways[joint.parent] + float(np.linalg.norm(joint.placing.shift))
     heavy = [body for body in robot.bodies.values() if body.mass]
     points = [T[:3, 3] for T in places.values()]

@@ -54,7 +54,7 @@ from vjm.io.robot_xml import (
     taken_limits,
     vector,
 )
-from vjm.rotations import Array, frame, inverse_frame, rotation_vector
+from vjm.rotations import Array, inverse_frame, rotation_vector
 
 # --- What of an SDF file is read and what is omitted, element by element ------------------------------------------
 
@@ -193,8 +193,7 @@ class FrameGraph:
 
     def add(self, name: str, base: str, pose: Placing, place: FilePlace, *, placed: str = "") -> None:
         """One more frame; the first one of a name is kept."""
-        T = frame(turned(pose.turns), pose.shift)
-        self._frames.setdefault(name, _Frame(base, T, place, placed))
+        self._frames.setdefault(name, _Frame(base, pose.frame, place, placed))
 
     def __contains__(self, name: str) -> bool:
         return name == WORLD or name in self._frames
@@ -227,8 +226,7 @@ class FrameGraph:
         one = self._frames[name]
         if not one.placed:
             return one.pose
-        behind = self.between(name, one.placed)
-        return one.pose @ inverse_frame(frame(turned(behind.turns), behind.shift))
+        return one.pose @ inverse_frame(self.between(name, one.placed).frame)
 
     def _way(self, name: str) -> list[str]:
         """Names of frames from the world, without it, to one of them."""

@@ -24,7 +24,6 @@ from vjm.io.dh_table import (
     DhTable,
     SerialChain,
     dh_table,
-    placed,
     serial_robot,
     table_robot,
     table_text,
@@ -266,9 +265,9 @@ def kinematics_text(chain: SerialChain) -> str:
         has = f"{len(chain.joints)} joints" + (f", of which {', '.join(odd)} slide" if odd else "")
         raise ValueError(f"kinematics of Universal Robots have six joints that turn, and this machine has {has}")
     table, lines = dh_table(chain, "mdh"), list[str]()
-    before, size = placed(table.base), sum(abs(row.a) + abs(row.d) for row in table.rows)
+    before, size = table.base.frame, sum(abs(row.a) + abs(row.d) for row in table.rows)
     for link, row in zip(LINKS, table.rows, strict=True):
-        to_axis, along = (placed(step) for step in DhTable("", "mdh", (row,)).steps())
+        to_axis, along = (step.frame for step in DhTable("", "mdh", (row,)).steps())
         T = before @ to_axis @ along
         place = [float(v) if abs(v) > ROUNDING * size else 0.0 for v in T[:3, 3]]
         angles = [angle if abs(angle) > ROUNDING else 0.0 for angle in roll_pitch_yaw(T[:3, :3])]
@@ -286,7 +285,7 @@ def not_held(chain: SerialChain) -> list[str]:
     tool = dh_table(chain, "mdh").tool
     if not tool.is_identity:
         where = ", ".join(printed(v) for v in tool.shift)
-        angles = ", ".join(printed(v) for v in reversed(roll_pitch_yaw(placed(tool)[:3, :3])))
+        angles = ", ".join(printed(v) for v in reversed(roll_pitch_yaw(tool.frame[:3, :3])))
         lines.append(f"the tool behind wrist_3, at {where} mm, turned by {angles} rad about z, y, x")
     if limited := [joint.name for joint in chain.joints if joint.limits is not None]:
         lines.append(f"the limits of {', '.join(limited)}")

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from helpers.serial_arms import about_y, dh_matrix, end_by_hand, end_of, postures, rpy_frame
 
-from vjm.io.dh_table import DhRow, SerialChain, dh_table, placed
+from vjm.io.dh_table import DhRow, SerialChain, dh_table
 from vjm.io.errors import ModelFileError
 from vjm.io.machine_file import load_model
 from vjm.io.model_file import build_chain
@@ -48,7 +48,7 @@ def imported(file, **options) -> Machine:
 def calibrated(seed: int) -> SerialChain:
     """A UR5e whose frames are off by tenths of a millimetre and of a milliradian, as built."""
     rng = np.random.default_rng(seed)
-    steps = [placed(step) for step in nominal_table("ur5e").steps()]
+    steps = [step.frame for step in nominal_table("ur5e").steps()]
     for step in steps[1:-1]:
         step[:] = step @ rpy_frame(rng.normal(size=3) * 0.3, rng.normal(size=3) * 4e-4)
     return SerialChain("ur5e", tuple(DhRow(name) for name in NAMES), tuple(steps))
