@@ -8,7 +8,7 @@ A URDF knows no elasticity: it is left out.
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from decimal import Decimal
 
@@ -176,11 +176,6 @@ def written(value: float, power: int = 0) -> str:
     return str(Decimal(text).scaleb(power)) if power else text
 
 
-def _limits_of(body: ChainBody) -> tuple[float, float] | None:
-    """Limits as a format takes them that asks for some where a joint slides, mm or rad."""
-    return (-HUGE, HUGE) if body.limits is None and body.kind == "slides" else body.limits
-
-
 def serial_chain(machine: Machine, end: str = "") -> SerialChain:
     """The joints between the base and an end, and the frames that lie between them; beams are rigid.
 
@@ -273,7 +268,7 @@ def _link(robot: ET.Element, body: ChainBody) -> None:
     link = ET.SubElement(robot, "link", name=body.name)
     if body.mass > 0.0 and body.centre is not None:
         inertial = ET.SubElement(link, "inertial")
-        ET.SubElement(inertial, "origin", xyz=_metres(body.centre), rpy="0 0 0")
+        ET.SubElement(inertial, "origin", xyz=_words(body.centre, -3), rpy="0 0 0")
         ET.SubElement(inertial, "mass", value=written(body.mass))
         values = [0.0] * 6
         if isinstance(body.part, RigidOffset) and body.part.inertia is not None:
@@ -283,16 +278,17 @@ def _link(robot: ET.Element, body: ChainBody) -> None:
 
 
 def _urdf_joint(robot: ET.Element, body: ChainBody) -> None:
-    limits = _limits_of(body)
+    # the format asks for some where a joint slides
+    limits = (-HUGE, HUGE) if body.limits is None and body.kind == "slides" else body.limits
     types = {"fixed": "fixed", "slides": "prismatic", "turns": "revolute" if limits else "continuous"}
     joint = ET.SubElement(robot, "joint", name=body.joint, type=types[body.kind])
     angles = roll_pitch_yaw(body.frame[:3, :3])
-    ET.SubElement(joint, "origin", xyz=_metres(body.frame[:3, 3]), rpy=" ".join(map(written, angles)))
+    ET.SubElement(joint, "origin", xyz=_words(body.frame[:3, 3], -3), rpy=_words(angles))
     ET.SubElement(joint, "parent", link=body.parent)
     ET.SubElement(joint, "child", link=body.name)
     if body.kind == "fixed":
         return
-    ET.SubElement(joint, "axis", xyz=" ".join(written(v) for v in body.axis))
+    ET.SubElement(joint, "axis", xyz=_words(body.axis))
     power = -3 if body.kind == "slides" else 0
     if limits is not None:
         low, high = (written(v, power) for v in limits)
@@ -323,17 +319,14 @@ def mjcf_text(chain: Machine) -> str:
     massless = _massless(bodies)
     elements = {base: ET.SubElement(mujoco, "worldbody")}
     equality = ET.Element("equality")
-    standing = _standing(chain)
+    # coordinates in the first posture, mm or rad
+    standing = dict(next(iter(chain.held.values()), {}))
     for body in bodies:
-        element = ET.SubElement(elements[body.parent], "body", name=body.name)
+        element = ET.SubElement(elements[body.parent], "body", {"name": body.name} | _pose(body.frame))
         elements[body.name] = element
-        # a quaternion of MuJoCo has its scalar first
-        w, x, y, z = unit_quaternion(body.frame[:3, :3])
-        element.set("pos", _metres(body.frame[:3, 3]))
-        element.set("quat", " ".join(written(v) for v in (w, x, y, z)))
         if body.mass > 0.0 and body.centre is not None:
             moments = _moments(body.part)
-            _inertial(element, _metres(body.centre), written(body.mass), moments)
+            _inertial(element, _words(body.centre, -3), written(body.mass), moments)
         elif body.name in massless:
             _inertial(element, "0 0 0", LEAST, None)
         if body.kind != "fixed":
@@ -402,13 +395,7 @@ def _inertial(element: ET.Element, place: str, mass: str, moments: list[float] |
     if moments is None:
         ET.SubElement(element, "inertial", pos=place, mass=mass, diaginertia=" ".join([LEAST] * 3))
         return
-    full = " ".join(written(value, -6) for value in moments)
-    ET.SubElement(element, "inertial", pos=place, mass=mass, fullinertia=full)
-
-
-def _standing(chain: Machine) -> dict[str, float]:
-    """Coordinates in the first posture, mm or rad."""
-    return dict(next(iter(chain.held.values()), {}))
+    ET.SubElement(element, "inertial", pos=place, mass=mass, fullinertia=_words(moments, -6))
 
 
 def _stiffness(part: object) -> float | None:
@@ -425,10 +412,10 @@ def _mjcf_joint(element: ET.Element, equality: ET.Element, body: ChainBody, stan
     power = -3 if slides else 0
     joint = ET.SubElement(
         element, "joint", name=body.joint, type="slide" if slides else "hinge",
-        axis=" ".join(written(v) for v in body.axis),
+        axis=_words(body.axis),
     )  # fmt: skip
     if body.limits is not None:
-        joint.set("range", " ".join(written(v, power) for v in body.limits))
+        joint.set("range", _words(body.limits, power))
     if body.rotor:
         # kg mm² are 1e-6 kg m²; of a joint that slides it is a mass
         joint.set("armature", written(body.rotor, 0 if slides else -6))
@@ -462,16 +449,16 @@ def _close(chain: Machine, bodies: list[ChainBody], elements: dict[str, ET.Eleme
         names = []
         for k, (part, at_part) in enumerate(zip(closure.parts, closure.frames, strict=True), start=1):
             body, end = ends[part]
-            T = end @ at_part
-            w, x, y, z = unit_quaternion(T[:3, :3])
             names.append(f"{closure.name}-{k}")
-            ET.SubElement(
-                elements[body], "site", name=names[-1], pos=_metres(T[:3, 3]),
-                quat=" ".join(written(v) for v in (w, x, y, z)),
-            )  # fmt: skip
+            ET.SubElement(elements[body], "site", {"name": names[-1]} | _pose(end @ at_part))
         kind = "connect" if closure.turns else "weld"
         ET.SubElement(equality, kind, name=closure.name, site1=names[0], site2=names[1])
 
 
-def _metres(vector: Array) -> str:
-    return " ".join(written(v, -3) for v in np.asarray(vector))
+def _pose(T: Array) -> dict[str, str]:
+    """Of a frame ``(4, 4)``, mm; a quaternion of MuJoCo has its scalar first."""
+    return {"pos": _words(T[:3, 3], -3), "quat": _words(unit_quaternion(T[:3, :3]))}
+
+
+def _words(numbers: Iterable[float], power: int = 0) -> str:
+    return " ".join(written(number, power) for number in numbers)
