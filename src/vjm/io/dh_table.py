@@ -199,6 +199,7 @@ def dh_table(chain: SerialChain, convention: Convention, parallel: Parallel = "b
         ValueError: offsets would be so large that digits are lost; it names the joints.
 
     Example:
+        >>> from vjm.rotations import frame
         >>> steps = (np.eye(4), frame(np.eye(3), [500.0, 0.0, 20.0]), frame(np.eye(3), [300.0, 0.0, 0.0]))
         >>> table = dh_table(SerialChain("two", (DhRow("a"), DhRow("b")), steps), "dh")
         >>> [(row.a, row.d) for row in table.rows]

@@ -246,8 +246,8 @@ class MachineFiles:
         """The cross-sections that the files give as shapes, by the name of the beam in the machine.
 
         Example:
-            >>> MachineFiles.read("delta").sections()["a1/rod"].shape
-            'tube'
+            >>> MachineFiles.read("planar-2r").sections()["upper"].shape
+            'square_tube'
         """
         return {
             name: SHAPES[section["shape"]].model_validate(section)
