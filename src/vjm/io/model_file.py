@@ -22,18 +22,6 @@ from vjm.io.schema import MAY_BE_RIGID, ModelFile, known_keys
 from vjm.io.solid_compliance import expanded, solid_key_schema
 from vjm.model.machine import Machine
 
-__all__ = [
-    "LibraryEntry",
-    "ModelDocument",
-    "ModelFileError",
-    "build_chain",
-    "library",
-    "load_chain",
-    "model_schema",
-    "read_document",
-]
-
-
 Model: TypeAlias = str | Path | Mapping[str, Any]
 """A name of the library, a path to a file, or what a file holds."""
 UNSAID = {"format": 1, "source": "given as a mapping", "units": {"length": "mm", "force": "N", "angle": "rad"}}

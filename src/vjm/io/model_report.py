@@ -16,7 +16,7 @@ from vjm.io.errors import ModelFileError, every_line, printed
 from vjm.io.findings import Finding, Grade
 from vjm.io.machine_file import is_legs, load_model
 from vjm.io.model_file import Model, build_chain, read_document
-from vjm.io.model_plausibility import findings_of
+from vjm.io.model_plausibility import findings_of, length_of, mass_of
 from vjm.io.schema import ModelFile, known_keys
 from vjm.machine.rigid_mechanism import Closing, home_label
 from vjm.model.machine import Machine
@@ -159,15 +159,14 @@ def _summary_of(chain: Machine) -> list[tuple[str, str]]:
     first = next(iter(chain.postures), "")
     # of a beam that comes out of its root only what is out of it moves with the machine
     parts = chain.at(first).parts if chain.pushing and first else chain.parts
-    masses = [part.mass for part in parts if isinstance(part, Beam | RigidOffset)]
-    reach = sum(float(np.linalg.norm(_shift(part))) for part in chain.parts)
+    mass, reach = sum(map(mass_of, parts)), sum(map(length_of, chain.parts))
     joints = [part for part in chain.parts if isinstance(part, Joint)]
     actuated = [joint.name for joint in joints if not joint.passive and joint.coupling is None]
     passive = [joint.name for joint in chain.moving if joint.passive]
     coupled = [joint.name for joint in joints if joint.coupling is not None]
     rows = [
         ("parts", str(len(chain.parts))),
-        ("mass", f"{printed(sum(masses))} kg" + (f", in posture {first}" if chain.pushing else "")),
+        ("mass", f"{printed(mass)} kg" + (f", in posture {first}" if chain.pushing else "")),
         ("length along the parts", f"{printed(reach)} mm"),
         ("actuated joints", _listed(actuated)),
         ("passive joints", _listed(passive)),
@@ -236,12 +235,6 @@ def _compliance_of(joint: Joint) -> str:
         return f"spring of {printed(joint.stiffness)} {'N/mm' if joint.slides else 'N mm/rad'}"
     across = " and ".join(printed(compliance) for _, compliance in joint.bearings)
     return ", ".join(text for text in (own, f"{across} rad/(N mm) across" if across else "") if text)
-
-
-def _shift(part: object) -> np.ndarray:
-    if isinstance(part, Beam):
-        return part.tip
-    return part.transform[:3, 3] if isinstance(part, RigidOffset) else np.zeros(3)
 
 
 def _listed(names: list[str]) -> str:
