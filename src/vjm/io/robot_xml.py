@@ -28,7 +28,6 @@ from vjm.io.robot import (
     Reading,
     RobotJoint,
     Turns,
-    triple,
     turned,
 )
 from vjm.rotations import Array
@@ -129,45 +128,13 @@ def _written(element: XmlElement, key: str) -> str | None:
 def shown(element: XmlElement, key: str = "") -> str:
     """An attribute of an element as it is written, or for the empty key the element itself."""
     if key:
-        return f"<{element.tag} {key}={_quoted(element, key)}>"
+        return f"<{element.tag} {key}={quoted(element, key)}>"
     return f"<{element.tag}>{reprlib.repr(element.text)[1:-1]}</{element.tag}>"
 
 
-def _quoted(element: XmlElement, key: str) -> str:
+def quoted(element: XmlElement, key: str) -> str:
+    """An attribute's value as it is written."""
     return '"' + reprlib.repr(element.attributes[key])[1:-1] + '"'
-
-
-def placing(
-    place: FilePlace,
-    origin: XmlElement | None,
-    doubts: list[str],
-    *,
-    quaternions: bool,
-    turned: bool = True,
-    unit: Decimal = METRE,
-) -> Placing:
-    """Where an origin lies, mm and rad: roll, pitch, yaw about fixed axes, or a quaternion.
-
-    Raises:
-        ModelFileError: numbers are missing or malformed.
-    """
-    if origin is None:
-        return Placing()
-    place = place.inside(origin)
-    shift = triple(vector(place, origin, "xyz", unit=unit))
-    if not turned:
-        return Placing(shift)
-    if quaternions and "quat_xyzw" in origin.attributes:
-        if "rpy" in origin.attributes:
-            raise place.error("has <origin> with rpy and quat_xyzw, two rotations: give one")
-        return Placing(shift, given_quaternion(place, vector(place, origin, "quat_xyzw", 4)))
-    angles = vector(place, origin, "rpy")
-    if max(map(abs, angles)) > WHOLE_TURN:
-        doubts.append(
-            f"{place.owner} (line {origin.line}): rpy {_quoted(origin, 'rpy')} is beyond a whole turn: "
-            "is it in degrees? A URDF has rad"
-        )
-    return Placing(shift, rpy_turns(angles))
 
 
 def rpy_turns(angles: list[float]) -> Turns:
@@ -259,6 +226,7 @@ SHAPES = "shapes and meshes, which no command reads"
 CONTROL = "what controllers and simulators take"
 DRIVES = "forces, speeds, damping and friction of joints"
 FIXED = "what a fixed joint has no use for"
+UNUSED_WHEN_FIXED = ("axis", "limit", "mimic")
 
 XACRO_PREFIX = "xacro:"
 MANY = 3
@@ -274,14 +242,12 @@ class FormatKeys:
         children: elements by the one that they stand in. An empty text: it is read; else as what it is left out.
         attributes: the same of attributes by their element.
         once: elements of which the first is read.
-        unused_when_fixed: what a fixed joint has no use for.
     """
 
     root: Collection[str]
     children: Mapping[str, Mapping[str, str]]
     attributes: Mapping[str, Mapping[str, str]]
     once: Collection[str]
-    unused_when_fixed: Collection[str] = ("axis", "limit", "mimic")
 
 
 URDF = FormatKeys(
@@ -368,7 +334,7 @@ def survey(
                 notes.doubtful.append(
                     f"line {child.line}: <{element.tag}> has another <{child.tag}>: the first one is read"
                 )
-            elif fixed and child.tag in keys.unused_when_fixed:
+            elif fixed and child.tag in UNUSED_WHEN_FIXED:
                 leave(FIXED, f"<{child.tag}>", child.line)
             elif element.tag not in keys.root:
                 inside = f"{element.tag}/{child.tag}"

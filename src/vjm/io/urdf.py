@@ -29,13 +29,16 @@ from vjm.io.robot import (
 )
 from vjm.io.robot_xml import (
     ONE,
+    WHOLE_TURN,
     DescribedTree,
     FilePlace,
     Limits,
     RawJoint,
     finite,
-    placing,
+    given_quaternion,
+    quoted,
     reflected,
+    rpy_turns,
     survey,
     taken_limits,
     vector,
@@ -274,17 +277,33 @@ class _UrdfReader(DescribedTree):
     # --- what they say ------------------------------------------------------------------------------------
 
     def _inertial_frame(self, place: FilePlace, inertial: XmlElement, doubts: list[str], *, axes: bool) -> Placing:
-        return placing(
-            place, inertial.first("origin"), doubts, quaternions=self._quaternions, turned=axes,
-            unit=self._units.length,
-        )  # fmt: skip
+        return self._placing(place, inertial.first("origin"), doubts, axes=axes)
+
+    def _placing(
+        self, place: FilePlace, origin: XmlElement | None, doubts: list[str], *, axes: bool = True
+    ) -> Placing:
+        """Where an origin lies, mm and rad: roll, pitch, yaw about fixed axes, or a quaternion."""
+        if origin is None:
+            return Placing()
+        place = place.inside(origin)
+        shift = triple(vector(place, origin, "xyz", unit=self._units.length))
+        if not axes:
+            return Placing(shift)
+        if self._quaternions and "quat_xyzw" in origin.attributes:
+            if "rpy" in origin.attributes:
+                raise place.error("has <origin> with rpy and quat_xyzw, two rotations: give one")
+            return Placing(shift, given_quaternion(place, vector(place, origin, "quat_xyzw", 4)))
+        angles = vector(place, origin, "rpy")
+        if max(map(abs, angles)) > WHOLE_TURN:
+            doubts.append(
+                f"{place.owner} (line {origin.line}): rpy {quoted(origin, 'rpy')} is beyond a whole turn: "
+                "is it in degrees? A URDF has rad"
+            )
+        return Placing(shift, rpy_turns(angles))
 
     def _joint(self, raw: RawJoint) -> RobotJoint:
         place = FilePlace(self._file, f"joint '{raw.name}'", raw.element.line)
-        where = placing(
-            place, raw.element.first("origin"), self._notes.doubtful, quaternions=self._quaternions,
-            unit=self._units.length,
-        )  # fmt: skip
+        where = self._placing(place, raw.element.first("origin"), self._notes.doubtful)
         if raw.type in FLOATING:
             self._notes.changed.append(f"joint '{raw.name}' is {raw.type}: it holds '{raw.child}' where it is")
         if raw.type not in MOVING:
