@@ -22,7 +22,7 @@ from vjm_updating.poses.fit import best_of, precision_of, without
 from vjm_updating.poses.forward import ReadingsForward
 from vjm_updating.poses.machine import PoseMachine
 from vjm_updating.poses.pooled import PooledStudy
-from vjm_updating.poses.state import BY_SERIES, MOST, Errors, FittedState
+from vjm_updating.poses.state import MOST, Errors, FittedState
 from vjm_updating.poses.study import SeriesStudy, Study, check_same_machine
 
 SHARE = numerical(0.2)
@@ -90,9 +90,7 @@ def surely_saved(before: Array, after: Array, sigma: Array) -> float:
 
 def as_good(one: Errors, other: Errors, sigma: Array) -> bool:
     """Whether a fit predicts postures held out as well as another, but for its noise."""
-    pairs = [(one.between, other.between), (one.region, other.region)]
-    if one.series is not None and other.series is not None:
-        pairs.append((one.series, other.series))
+    pairs = zip(one.ways().values(), other.ways().values(), strict=True)
     return all(surely_saved(own, its, sigma) < NORMAL_95 for own, its in pairs)
 
 
@@ -115,14 +113,8 @@ def worse_with(study: Study, state: FittedState, ends: Array, name: str) -> str:
 
 def _worse(state: FittedState, ends: Array, less: Errors, its_ends: Array) -> str:
     """Where a state predicts surely worse than another fit of the same readings, in words."""
-    held = {
-        state.errors.way: (state.errors.between, less.between),
-        "of regions held out": (state.errors.region, less.region),
-        "at the ends of what was measured": (ends, its_ends),
-    }
-    if state.errors.series is not None and less.series is not None:
-        held[BY_SERIES] = (state.errors.series, less.series)
-    for words, (with_it, without_it) in held.items():
+    pairs = zip(state.errors.ways(ends).items(), less.ways(its_ends).values(), strict=True)
+    for (words, with_it), without_it in pairs:
         if surely_saved(with_it, without_it, state.sigma) >= NORMAL_95:
             return f"postures {words} are predicted worse with it, by {-saved(without_it, with_it):.1%}"
     return ""

@@ -192,6 +192,12 @@ class Errors:
         """How the postures of `between` were held out, in words."""
         return AT_RANDOM if self.levels is None else BY_LEVEL
 
+    def ways(self, ends: Array | None = None) -> dict[str, Array]:
+        """Distances of postures held out, and of ends (g, k) where they are given, by the way, in words."""
+        at_ends = {} if ends is None else {"at the ends of what was measured": ends}
+        whole = {} if self.series is None else {BY_SERIES: self.series}
+        return {self.way: self.between, "of regions held out": self.region, **at_ends, **whole}
+
     @property
     def means(self) -> tuple[float, float, float]:
         """Mean distances fitted, between, and of regions; nan of what was not held out."""
