@@ -677,13 +677,11 @@ def factor_between(x: Array, y: Array, chance: float) -> tuple[float, float, flo
 # --- Deflections that are not what their columns say, and too few of them -----------------------------------------
 
 STEEL = definition(2.1e5, "N/mm²")
-"""N/mm²."""
 SLENDER = physical_bound(10.0)
 """Length over thickness of the solid steel rod that no serial arm is stiffer than."""
 SAGS = physical_bound(0.01)
 """Of its distance from the base: what the weight of a kilogram moves no arm by."""
 KILOGRAM = definition(9.81, "N")
-"""N."""
 
 
 def deflection_units(data: DeflectionData, machine: PoseMachine) -> list[Finding]:
