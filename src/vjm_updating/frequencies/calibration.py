@@ -243,7 +243,7 @@ def _document(measurement: FrequencyMeasurement, fit: CalibrationSolution) -> Ca
     return found_document(measurement, fit, identified).model_copy(
         update={
             "fit": _fit(fit),
-            "identifiability": _told(measurement, fit, identified, pairing),
+            "identifiability": _statements(measurement, fit, identified, pairing),
             "pairing": pairing,
         }
     )
@@ -290,7 +290,7 @@ def _pairing(measurement: FrequencyMeasurement, fit: CalibrationSolution) -> lis
     return rows
 
 
-def _told(
+def _statements(
     measurement: FrequencyMeasurement, fit: CalibrationSolution, identifiability: Identifiability,
     pairing: Sequence[PairingRow],
 ) -> IdentifiabilityRow:  # fmt: skip

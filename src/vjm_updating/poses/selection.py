@@ -71,7 +71,7 @@ class Selection:
     Attributes:
         study: the test.
         possible: families and couplings that are thought possible.
-        told: told what is being done.
+        progress: hears what is being done.
         series: other series of the same machine.
         steps: from nothing to the last.
         refused: families that were taken back, with the reason.
@@ -79,7 +79,7 @@ class Selection:
 
     study: Study
     possible: Sequence[str]
-    told: Callable[[str], None] = lambda _: None
+    progress: Callable[[str], None] = lambda _: None
     series: Sequence[SeriesStudy] = ()
     steps: list[Step] = field(default_factory=list, init=False)
     refused: dict[str, str] = field(default_factory=dict, init=False)
@@ -91,7 +91,7 @@ class Selection:
 
     def run(self) -> Selection:
         """Search, look at the noise, search on; then take back what does not hold where it was held out."""
-        self.told("base frame and markers")
+        self.progress("base frame and markers")
         self._add("", self.study.settle(Hypothesis()))
         self._climb()
         for _ in range(AGAIN):
@@ -166,7 +166,7 @@ class Selection:
                 if names in seen:
                     continue
                 seen.add(names)
-                self.told(move.name)
+                self.progress(move.name)
                 state = self.study.settle(move.hypothesis, step.state)
                 if self._gain(state, step.state.hypothesis) > 0.0:
                     self._add(move.name, state)
