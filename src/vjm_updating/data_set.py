@@ -109,8 +109,7 @@ class _Channel:
 def as_joint_test(test: Measurement | PreparedTest) -> Measurement | None:
     """The same test as one of its only joint; None where it sees more than that, or is one already.
 
-    Args:
-        test: by loads; or of deflections, whose rows stand in the order in which they were taken.
+    Rows of a test of deflections have to stand in the order in which they were taken.
 
     Raises:
         ValueError: the readings cannot be those of that joint, such as in another unit; one line.
@@ -247,10 +246,8 @@ def _joint_test(
 def _bench(machine: Machine, gravity: Sequence[float] | None, coordinate: float | None = None) -> _OnlyJoint | None:
     """A machine of one joint that yields about, or along, its axis; None of others, and where weight loads it.
 
-    Args:
-        machine: in a posture, where ``coordinate`` is not given.
-        gravity: its direction in the world, any length; None where weight has acted before.
-        coordinate: of the joint, mm or rad.
+    Without a ``coordinate`` of the joint, mm or rad, the machine is in a posture. The direction of ``gravity`` has
+    any length; None where weight has acted before.
     """
     joints = [part for part in machine.parts if isinstance(part, Joint)]
     if len(joints) != 1 or machine.beams or machine.is_tree or machine.couplings:
@@ -413,8 +410,7 @@ def load_data(readings: TableSource, sheet: SheetSource) -> DataSet:
 def together(series: DataSet | Sequence[DataSet]) -> DataSet:
     """Several series of one machine as one data set; one series as it is.
 
-    Args:
-        series: of poses or of deflections where there are several.
+    Where there are several, they are of poses or of deflections.
 
     Raises:
         ValueError: there is none, they are of another kind, or of different machines; one line.

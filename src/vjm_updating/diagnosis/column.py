@@ -35,11 +35,7 @@ CLAMPED = physical_bound(100.0)
 
 @dataclass(frozen=True)
 class EndRestraint(Effect):
-    """A rotational spring at each pin, from free to clamped.
-
-    Attributes:
-        flexural: EI/L of the column, N mm per rad.
-    """
+    """A rotational spring at each pin, from free to clamped; ``flexural`` is EI/L of the column, N mm per rad."""
 
     flexural: float = 1.0
     cause = "end_restraint"
@@ -93,11 +89,7 @@ class ColumnBow(LinkBow):
 
 @dataclass(frozen=True)
 class ColumnYield(Effect):
-    """Bending beyond yield, fibre by fibre, by Ramberg and Osgood's law.
-
-    Attributes:
-        stress: the handbook's yield stress, MPa, from which a search begins.
-    """
+    """Bending beyond yield by Ramberg and Osgood's law, fibre by fibre, about the handbook's ``stress``, MPa."""
 
     part: str = "link"
     stress: float = 250.0

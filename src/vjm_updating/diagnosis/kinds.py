@@ -351,10 +351,8 @@ class JointTest(RampTest):
         causes = {cause for member in verdict.members for cause in member.causes}
         effort = observed.columns[0]
         if "instrument_scale" in causes:
-            why, path = (
-                "a scale error and a stiffness change the slope alike",
-                f"{effort} under known weights alone",
-            )
+            why = "a scale error and a stiffness change the slope alike"
+            path = f"{effort} under known weights alone"
         else:
             why = "backlash, friction and hardening differ where the load turns round and where it is largest"
             path = "both directions through zero in fine steps, twice, to a larger load"

@@ -62,11 +62,7 @@ class Signature:
 
 @dataclass(frozen=True, eq=False)
 class Signed:
-    """Signatures about a null.
-
-    Attributes:
-        present: ``(n, 6)`` samples that counted.
-    """
+    """Signatures about a null, of the samples ``(n, 6)`` that were present."""
 
     null: Fit
     present: np.ndarray

@@ -280,10 +280,8 @@ def coarsening(explained: float, law_error: float) -> float:
     distribution (Kullback's divergence). What is probable for all data as near as that has the likelihood to the
     power ``1/(1 + ε² S/2)`` (Miller and Dunson, J. Am. Stat. Assoc. 114, 1113, 2019; that is the mean of the
     divergence's exponential prior). A strong cause stays as sure as it was. What is a few per cent of it does not.
-
-    Args:
-        explained: S, squares that laws which may be wrong explain.
-        law_error: ε, scale of the relative error's half-Cauchy prior, which is its median.
+    The squares S that such laws explain are ``explained``; ε is ``law_error``, scale of the relative error's
+    half-Cauchy prior, which is its median.
 
     Example:
         >>> coarsening(0.0, 0.03), round(coarsening(10_000.0, 0.03), 2)

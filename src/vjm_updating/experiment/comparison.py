@@ -287,11 +287,7 @@ REACH = numerical(0.1)
 
 
 class ByDisplacements(Comparison):
-    """Readings beside load paths of the nominal machine along their rays.
-
-    Attributes:
-        rays: of the readings; none where they do not lie on a few.
-    """
+    """Readings beside load paths of the nominal machine along their rays; none where they do not lie on a few."""
 
     def __init__(self, measurement: Measurement) -> None:
         readings, sheet = measurement.readings, measurement.sheet

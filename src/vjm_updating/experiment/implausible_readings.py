@@ -164,8 +164,9 @@ def _jump(r: Readings, rows: np.ndarray, usual: float) -> Iterator[Finding]:
         yield _in_ms(r, rows[k:], f"row {r.row[rows[k]]}", words)
         return
     heat = r.values.get(TEMPERATURE)
-    if heat is not None and _warmed(heat[rows], k):
-        return
+    warmed = np.abs(np.diff(heat[rows])) if heat is not None else None
+    if warmed is not None and warmed[k - 1] > 10.0 * max(float(np.nanmedian(warmed)), 1e-3):
+        return  # a pause, and no clock's jump
     jump = float(step[k - 1] - usual)
     yield MistakeFound(
         Grade.DOUBTFUL, where,
@@ -184,12 +185,6 @@ def _change(step: Array) -> int:
         if before > 0.0 and step[k] > -np.log(CHANCE) * max(before, PAUSE_S):
             return k
     return len(step)
-
-
-def _warmed(heat: Array, k: int) -> bool:
-    """Whether the temperature before the ``k``-th reading differs from that at it: a pause, and no clock's jump."""
-    steps = np.abs(np.diff(heat))
-    return bool(steps[k - 1] > 10.0 * max(float(np.nanmedian(steps)), 1e-3))
 
 
 def temperature(c: Comparison) -> Iterator[Finding]:
@@ -264,8 +259,10 @@ def _instrument(c: Comparison, name: str) -> Iterator[str]:
     """What is implausible about a channel's table in the sheet."""
     known, values = c.measurement.sheet.errors(name), c.readings.known(name)
     span, noise = c.readings.span(name), known.noise
-    # what the noise of so many readings spans, and a zero that may be anywhere; a minor channel may show no more
-    main = name in _main(c.readings)
+    kinds = ([one for one in names if one in c.readings.values] for names in (POSE[:3], WRENCH[:3]))
+    # of the shift and the force that span most: what the noise of so many readings spans, and a zero that may be
+    # anywhere; a minor channel may show no more
+    main = name in {max(names, key=c.readings.span) for names in kinds if names}
     by_noise, by_zero = (2.0 * level(len(values)), np.sqrt(12.0)) if main else (1.0, 1.0 / 3.0)
     if noise == 0.0 and name in c.columns:
         yield "noise = 0: no instrument is without; every misfit then counts"
@@ -279,12 +276,6 @@ def _instrument(c: Comparison, name: str) -> Iterator[str]:
         yield f"zero = {known.zero:g} under a span of {span:g} in the whole test: another unit?"
     if known.scale > 0.1:
         yield f"scale = {known.scale:g} is {known.scale:.0%}: is it in per cent?"
-
-
-def _main(r: Readings) -> set[str]:
-    """The shift and the force whose readings span most: the others may be small."""
-    kinds = ([name for name in names if name in r.values] for names in (POSE[:3], WRENCH[:3]))
-    return {max(names, key=r.span) for names in kinds if names}
 
 
 def roughness(r: Readings, name: str) -> float:

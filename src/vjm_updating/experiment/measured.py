@@ -38,11 +38,7 @@ class Kind(StrEnum):
 
 @dataclass(frozen=True)
 class Nuisance:
-    """One Gaussian nuisance of mean zero, constant through a test.
-
-    Attributes:
-        subject: channel or part.
-    """
+    """One Gaussian nuisance of mean zero, of a channel or a part, constant through a test."""
 
     kind: Kind
     subject: str

@@ -672,14 +672,7 @@ def columns(c: Comparison) -> Iterator[Finding]:
         yield from column_findings(these(imposed, beside, []), OF_IMPOSED)
 
 
-RULES: tuple[Rule, ...] = (
-    nothing_read,
-    temperature,
-    blanks,
-    columns,
-    clock,
-    sheet_values,
-)
+RULES: tuple[Rule, ...] = (nothing_read, temperature, blanks, columns, clock, sheet_values)
 """Rules of readings and sheets; those of models are `vjm.io.model_plausibility`'s."""
 BESIDE_THE_MODEL: tuple[Rule, ...] = (wrong_scale, of_joint, mistaken, gains)
 """Rules that compare readings with what the nominal machine does."""

@@ -195,11 +195,7 @@ class MapSetting:
 
 
 class MapTask(NamedTuple):
-    """Some points of a map.
-
-    Attributes:
-        q: coordinates ``(n, n_joints)``, neighbours next to one another.
-    """
+    """Some points of a map, neighbours next to one another; ``q`` (n, n_joints) are their coordinates."""
 
     number: int
     setting: MapSetting

@@ -62,10 +62,8 @@ def on_cluster(
 ) -> Iterator[tuple[int, Result]]:
     """Index and result of each task as the cluster finishes it; what dies with a worker is done again by another.
 
-    Args:
-        function: that can be pickled; its result must follow from its argument alone.
-        tasks: its arguments.
-        address: of a Dask scheduler, such as ``tcp://host:8786``.
+    The ``function`` can be pickled, and its result must follow from its argument alone. The ``address`` is of a
+    Dask scheduler, such as ``tcp://host:8786``.
 
     Raises:
         ImportError: the optional extra is not installed.
@@ -309,12 +307,9 @@ def run_map(
 ) -> MapResult:
     """Evaluate a map, from where an earlier run of the same one ended.
 
-    Args:
-        wanted: the map.
-        folder: where its tasks are kept; None: nowhere.
-        jobs: processes, where there is no scheduler.
-        scheduler: address of a Dask scheduler, such as ``tcp://host:8786``.
-        progress: called with the points that are done, and of how many.
+    Tasks are kept in the ``folder``, where there is one, and done by so many ``jobs``, processes, or by the Dask
+    ``scheduler`` of an address such as ``tcp://host:8786``. The ``progress`` is told how many points are done, and
+    of how many.
 
     Raises:
         ValueError: see `MapSetting.check`, the folder holds another map, or no scheduler answers.
@@ -422,12 +417,8 @@ def workspace_map(
     check_mapped(machine)
     if wrench is not None and (len(wrench) != 6 or not np.all(np.isfinite(wrench))):
         raise ValueError(f"wrench must be six finite numbers, got {list(wrench)}")
-    if (
-        quantity in (MapQuantity.DEFLECTION, MapQuantity.SHARES)
-        and wrench is None
-        and gravity is None
-        and not loads
-    ):
+    unloaded = wrench is None and gravity is None and not loads
+    if unloaded and quantity in (MapQuantity.DEFLECTION, MapQuantity.SHARES):
         raise ValueError(f"a map of the {quantity} needs a load: give wrench, gravity or loads")
     if quantity is MapQuantity.CRITICAL and wrench is not None:
         raise ValueError("a map of critical forces looks at all directions itself: leave wrench out")

@@ -115,10 +115,8 @@ def travels(share: float = 1.0) -> Sequence[tuple[float, ...]]:
 class ActuatorBacklash(InDrive):
     """Lost motion in a drive, see `play`.
 
-    A joint may bear little: its ends are met at the share of its load that they are of a drive's usual one.
-
-    Attributes:
-        force: largest of the test on the drive, N.
+    A joint may bear little: its ends are met at the share of its load that they are of a drive's usual one. The
+    ``force`` is the largest of the test on the drive, N.
     """
 
     force: float = 1000.0

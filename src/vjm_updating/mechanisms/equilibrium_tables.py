@@ -564,18 +564,14 @@ def _node(
     """Readings, and what loads, the held components and the beams' compliances do to them, at one equilibrium."""
     state = problem.configuration(point)
     k, compiled = problem.model.kinematics(state.x), problem.model.compiled
-    m = len(gauges)
-    moved, carried, stiffness = (
-        np.zeros((problem.model.size, 6)),
-        np.zeros((problem.model.size, 6)),
-        np.zeros((6, 6)),
-    )
+    m, n = len(gauges), problem.model.size
+    moved, carried, stiffness = np.zeros((n, 6)), np.zeros((n, 6)), np.zeros((6, 6))
     seen = {place: (probe.displacement(k), probe.jacobian(k)) for place, probe in probes.items()}
     J = seen["", 1.0][1].copy()
     for u, own in seen.values():
         # the rotation vector's rate is the angular velocity but for half their product, and the square of the turn
         own[3:] -= 0.5 * skew(u[3:]) @ own[3:]
-    none = np.zeros(problem.model.size)
+    none = np.zeros(n)
     for c in range(6):
         moved[:, c] = compiled.response(state.x, state.wrench, J[c], np.zeros(6), state.load)[0]
     for c in held:
@@ -583,23 +579,19 @@ def _node(
     applied = compiled.load_forces(
         state.x, state.wrench, state.load, compiled.acting(state.x, state.wrench, state.load)
     )
-    stress = problem.model.reactions(k, state.wrench) + applied[: problem.model.size]
-    softer = np.zeros((problem.model.size, len(springs)))
+    stress = problem.model.reactions(k, state.wrench) + applied[:n]
+    softer = np.zeros((n, len(springs)))
     for i, own_springs in enumerate(springs.values()):
         # under a larger compliance it deflects as under a larger force
-        force = np.zeros(problem.model.size)
+        force = np.zeros(n)
         for spring, where in own_springs:
             force[where] = stress[where]
             if problem.model.chain.closes:
                 # what loops bear acts on springs, too
                 force[where] = _reaction(spring, (state.x - problem.model.natural)[where], force[where])
         softer[:, i] = compiled.response(state.x, state.wrench, force, np.zeros(6), state.load)[0]
-    reading, by_load, by_pose, by_beam = (
-        np.zeros(m),
-        np.zeros((m, 6)),
-        np.zeros((m, 6)),
-        np.zeros((m, len(springs))),
-    )
+    reading, by_beam = np.zeros(m), np.zeros((m, len(springs)))
+    by_load, by_pose = np.zeros((m, 6)), np.zeros((m, 6))
     for i, gauge in enumerate(gauges):
         u, own = seen[gauge.body, gauge.at]
         reading[i] = u[gauge.component]

@@ -201,14 +201,10 @@ class Plasticity(InDrive):
         The compliance of the foot is over its elastic one. Shapes: how much of it comes half-way from first yield
         to the largest force, and how much of the hardening is isotropic.
         """
-        soft = (
-            Quantity("softness", 0.0, 20.0, 0.05, neutral=0.0)
-            if self.part == "foot"
-            else Quantity("softness_mm_per_N", 0.0, 1e-1, 1e-5, neutral=0.0)
-        )
+        name, most, size = ("softness", 20.0, 0.05) if self.part == "foot" else ("softness_mm_per_N", 1e-1, 1e-5)
         return (
             Quantity("yield_N", 0.01 * self.force, 1.2 * self.force, 0.1 * self.force),
-            soft,
+            Quantity(name, 0.0, most, size, neutral=0.0),
             Quantity("late_share", 0.0, 0.95, 0.1, usual=0.3, spread=0.25),
             Quantity("isotropic_share", 0.0, 1.0, 0.1, usual=0.5, spread=0.4),
         )

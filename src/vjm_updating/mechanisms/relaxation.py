@@ -48,12 +48,7 @@ OnRay = tuple[np.ndarray, Array, PathTable, PathTable]
 
 @dataclass(frozen=True)
 class Relaxation:
-    """What of a beam relaxes.
-
-    Attributes:
-        shares: of its stiffness ``(k,)``, together below one.
-        times: of their relaxation ``(k,)``, s.
-    """
+    """What of a beam relaxes: ``shares`` (k,) of its stiffness, together below one, in ``times`` (k,), s."""
 
     part: str
     shares: tuple[float, ...]

@@ -100,11 +100,7 @@ class ElementSite(ABC):
 
 @dataclass(frozen=True)
 class AlongAxis(ElementSite):
-    """A part before all joints that deflects along an axis fixed in the world.
-
-    Attributes:
-        axis: unit vector.
-    """
+    """A part before all joints that deflects along an axis, a unit vector fixed in the world."""
 
     axis: tuple[float, float, float]
 
@@ -118,10 +114,8 @@ class AboutAxis(ElementSite):
     """A part before all joints that turns about an axis of the world through the base's origin.
 
     The element's extension is the turn, and what drives it the moment of the end-effector's wrench about the axis;
-    the turn under the chain's own weight, which hardly changes along a ramp, is not in it.
-
-    Attributes:
-        axis: unit vector.
+    the turn under the chain's own weight, which hardly changes along a ramp, is not in it. The axis is a unit
+    vector.
     """
 
     axis: tuple[float, float, float]
@@ -138,10 +132,8 @@ class AtJoint(ElementSite):
     """A held joint, about its axis or along it, as it stands in the nominal machine under the same displacement.
 
     Of one that turns the element's extension is the shift of a point at a lever from the axis. What drives it is
-    the moment of the end-effector's wrench about the axis over the lever, so that laws are in mm and N.
-
-    Attributes:
-        lever: mm; 1 for one that slides.
+    the moment of the end-effector's wrench about the axis over the lever, so that laws are in mm and N. The lever
+    is in mm, and 1 for one that slides.
     """
 
     joint: str
@@ -168,10 +160,8 @@ class AlongLine(ElementSite):
 
     Between passive joints that is the line of the force but for friction. It is that of the posture's unloaded
     link, whichever link it is. Under load it turns by some hundredths of a radian, which changes an axial force by
-    less than a thousandth where that is most of the force, else by as many hundredths of what is across.
-
-    Attributes:
-        link: its name; empty: the last one.
+    less than a thousandth where that is most of the force, else by as many hundredths of what is across. Without a
+    name it is the last link.
     """
 
     link: str = ""
@@ -297,11 +287,7 @@ def balance(
 
 @dataclass(frozen=True)
 class Memoryless:
-    """A law without history.
-
-    Attributes:
-        function: extension ``(n,)`` and its slope by the forces ``(n,)``.
-    """
+    """A law without history: extension ``(n,)`` and its slope by the forces ``(n,)``."""
 
     function: Callable[[Array], tuple[Array, Array]]
 

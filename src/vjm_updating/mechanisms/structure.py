@@ -27,12 +27,7 @@ FACTOR = Quantity("factor", 0.2, 5.0, 0.02, neutral=1.0)
 
 @dataclass(frozen=True)
 class PartCompliance(Effect):
-    """One factor on all compliances of a part.
-
-    Attributes:
-        beam: the part's name.
-        part: the same where there are several links.
-    """
+    """One factor on all compliances of the part ``beam``; ``part`` is its name where there are several links."""
 
     beam: str = ""
     part: str = ""
