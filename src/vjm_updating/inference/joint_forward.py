@@ -60,7 +60,7 @@ ELASTIC = prior_scale(0.02)
 """Presliding over the test's largest motion, in order of magnitude."""
 
 
-class JointSpring(InDrive):
+class SpringUnderTest(InDrive):
     """A law of a joint's spring under test, in the place of the model's."""
 
     @property
@@ -79,7 +79,7 @@ class JointSpring(InDrive):
 
 
 @dataclass(frozen=True)
-class JointCompliance(JointSpring, ActuatorCompliance):
+class JointCompliance(SpringUnderTest, ActuatorCompliance):
     """Of a joint under test: softer or stiffer than the model says."""
 
     title = "the joint is softer or stiffer than the model says"
@@ -97,7 +97,7 @@ class JointCompliance(JointSpring, ActuatorCompliance):
 
 
 @dataclass(frozen=True)
-class JointHardening(JointSpring, ActuatorHardening):
+class JointHardening(SpringUnderTest, ActuatorHardening):
     """Of a joint under test: a wind-up between those of two laws, by a share of the second.
 
     In the first the load is ``k x (1 + (r − 1)/(m + 1) (x/X)^m)`` at the wind-up x; X is that under the largest
@@ -142,7 +142,7 @@ class JointHardening(JointSpring, ActuatorHardening):
 
 
 @dataclass(frozen=True)
-class JointThreeSlopes(JointSpring):
+class JointThreeSlopes(SpringUnderTest):
     """Of a joint under test: stiffness K1 up to a torque T1, K2 up to T2, K3 beyond, see `StrainWave`.
 
     So catalogues of strain wave gears describe them.

@@ -1,4 +1,4 @@
-"""A map's files: CSV for people, VTK for ParaView, figures over planes of its grid.
+"""A map's files: CSV for people, VTK for ParaView, figures over planes of its grid, a render of the workspace.
 
 Also the difference of two engines.
 """
@@ -12,6 +12,7 @@ from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -19,6 +20,7 @@ from vjm.io.files import write_whole
 from vjm.rotations import Array
 from vjm_output import optional_drawing
 from vjm_output.optional_drawing import why_not
+from vjm_updating.constants import shown
 from vjm_updating.maps.evaluate import COLUMNS, NAMES, OK, SHOWN, TITLES, MapQuantity
 from vjm_updating.maps.grid import TOOL
 from vjm_updating.maps.run import MapResult
@@ -166,8 +168,7 @@ def _picture(
     plane = _Plane(axes)
     varied = plane.varied
     everything = np.concatenate([values for _, values in panels])
-    finite = everything[np.isfinite(everything)]
-    low, high = (float(finite.min()), float(finite.max())) if len(finite) else (0.0, 1.0)
+    low, high = _range(everything)
     with figure(3.2, len(panels) + spread) as (fig, drawn):
         for ax, (title, values) in zip(drawn, panels, strict=False):
             x = np.array(axes[varied[0]])
@@ -183,8 +184,82 @@ def _picture(
                 fig.colorbar(mesh, ax=ax, label=label)
             ax.set(xlabel=varied[0], title=plain(f"{title}{plane.beside}"))
         if spread:
-            drawn[-1].hist(finite, bins="auto")
+            drawn[-1].hist(everything[np.isfinite(everything)], bins="auto")
             drawn[-1].set(xlabel=label, ylabel="poses", title="all poses")
+        return png(fig)
+
+
+def _range(values: Array) -> tuple[float, float]:
+    """From the least to the largest that is known."""
+    finite = values[np.isfinite(values)]
+    return (float(finite.min()), float(finite.max())) if finite.size else (0.0, 1.0)
+
+
+SLICES = shown(3)
+"""Panels of the figure: levels of z."""
+
+
+def _levels(result: MapResult) -> bytes:
+    """Levels of z side by side, one colour scale."""
+    from vjm_output.plots import figure, plain, png
+
+    wanted = result.map
+    x, y, z = (np.array(axis) for axis in wanted.points.grid.ordered.values())
+    cube = result.cube(SHOWN[wanted.setting.quantity])
+    levels = sorted({round(float(k)) for k in np.linspace(0, len(z) - 1, min(SLICES, len(z)))})
+    low, high = _range(cube)
+    with figure(3.0, len(levels), sharey=True) as (fig, axes):
+        for ax, level in zip(axes, levels, strict=True):
+            image = ax.pcolormesh(
+                x, y, cube[:, :, level].T, vmin=low, vmax=high, cmap="viridis", shading="nearest", rasterized=True
+            )
+            ax.set_title(f"z = {z[level]:g} mm")
+            ax.set_xlabel("x, mm")
+            ax.set_aspect("equal")
+            # the cells are centred on the poses: what they reach beyond the outermost is no workspace
+            ax.set(xlim=(x[0], x[-1]), ylim=(y[0], y[-1]))
+            ax.grid(False)
+        axes[0].set_ylabel("y, mm")
+        fig.colorbar(image, ax=axes, label=TITLES[wanted.setting.quantity], shrink=0.8)
+        missing = sum(why != OK for why in result.why)
+        white = f"; {missing} points without an answer are white" if missing else ""
+        title = plain(f"{wanted.setting.machine.title}: {wanted.setting.engine.label}")
+        fig.suptitle(title + white, fontsize=8.5)
+        return png(fig)
+
+
+def _render(result: MapResult) -> bytes:
+    """The workspace in space, off the screen: three planes through its middle."""
+    import pyvista
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.colors import Normalize
+
+    from vjm_output.plots import PAGE_WIDTH, figure, png
+
+    wanted = result.map
+    grid: Any = pyvista.RectilinearGrid(*(np.array(axis) for axis in wanted.points.grid.ordered.values()))
+    column = SHOWN[wanted.setting.quantity]
+    name = COLUMNS[wanted.setting.quantity][column]
+    grid.point_data[name] = result.cube(column).ravel(order="F")
+    plotter = optional_drawing.plotter((int(130 * PAGE_WIDTH), 700))
+    plotter.background_color = "white"
+    low, high = _range(result.cube(column))
+    plotter.add_mesh(
+        grid.slice_orthogonal(), scalars=name, clim=(low, high), cmap="viridis", lighting=False, nan_color="white",
+        show_scalar_bar=False,
+    )  # fmt: skip
+    plotter.add_mesh(grid.outline(), color="#888888")
+    plotter.show_bounds(
+        xtitle="x, mm", ytitle="y, mm", ztitle="z, mm", color="black", font_size=10, location="outer"
+    )
+    plotter.view_isometric()
+    picture = plotter.screenshot(return_img=True)
+    plotter.close()
+    with figure(0.8 * PAGE_WIDTH * picture.shape[0] / picture.shape[1], 1) as (fig, axes):
+        axes[0].imshow(picture)
+        axes[0].axis("off")
+        colours = ScalarMappable(Normalize(low, high), "viridis")
+        fig.colorbar(colours, ax=axes[0], label=TITLES[wanted.setting.quantity], shrink=0.7)
         return png(fig)
 
 
@@ -259,15 +334,13 @@ def write_map(result: MapResult, folder: Path) -> tuple[list[Path], list[str]]:
     if why := why_not("matplotlib"):
         left_out.append(f"no map.png and no render.png: {why}")
         return files, left_out
-    from vjm_updating.maps.pictures import map_figure, render
-
     files.append(folder / "map.png")
-    write_whole(files[-1], map_figure(result))
+    write_whole(files[-1], _levels(result))
     if why := why_not("pyvista") or optional_drawing.why_not_rendered():
         left_out.append(f"no render.png: {why}")
     else:
         files.append(folder / "render.png")
-        write_whole(files[-1], render(result))
+        write_whole(files[-1], _render(result))
     return files, left_out
 
 

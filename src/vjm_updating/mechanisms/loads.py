@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from vjm.model.machine import FOOT, Machine
+from vjm.model.machine import FOOT
 from vjm.rotations import Array, rotation_from_vector
 from vjm_updating.constants import prior_scale
 from vjm_updating.mechanisms.effect import Effect, Quantity, Scene
@@ -59,7 +59,9 @@ class Gravity(Effect):
 
 def gravity_effects(scene: Scene) -> list[Effect]:
     """Where links have a section that their weight acts on; down is −z where the sheet does not say."""
-    size = _sizes(scene.chain)
+    # in proportion to the beams' volumes: their stiffness in pull times their length
+    beams = scene.chain.beams
+    size = {beam.name: beam.count * beam.section.EA * beam.length for beam in beams if beam.section is not None}
     foot = size.pop(FOOT, None) if foot_of(scene.chain) else None
     if not size or (scene.engine.segments or 1) == 1:
         return []
@@ -67,12 +69,6 @@ def gravity_effects(scene: Scene) -> list[Effect]:
     shares = tuple((name, own / links) for name, own in size.items())
     share = None if foot is None else foot / (foot + links)
     return [Gravity(shares, scene.gravity or (0.0, 0.0, -1.0), share)]
-
-
-def _sizes(chain: Machine) -> dict[str, float]:
-    """What is in proportion to the beams' volumes, by name: their stiffness in pull times their length."""
-    return {beam.name: beam.count * beam.section.EA * beam.length for beam in chain.beams
-            if beam.section is not None}  # fmt: skip
 
 
 USUAL = prior_scale(0.03, "rad")
