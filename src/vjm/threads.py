@@ -36,11 +36,7 @@ def single_threaded(function: Callable[Arguments, Result]) -> Callable[Arguments
 
 @lru_cache(maxsize=1)
 def _libraries(_modules: int) -> ThreadpoolController:
-    """The linear algebra that is loaded: NumPy's, SciPy's and, after a solid was solved, MKL's.
-
-    Args:
-        _modules: how many modules are imported; a library can only have come with another one.
-    """
+    """The linear algebra that is loaded, NumPy's, SciPy's, MKL's; a library can only have come with a module."""
     from threadpoolctl import ThreadpoolController
 
     return ThreadpoolController()

@@ -7,7 +7,6 @@ over its end; forces do not count.
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
@@ -18,9 +17,9 @@ from vjm.continuation.events import (
     EVENT_TOLERANCE,
     VANISHED,
     Problem,
+    Tracer,
     WithoutPairs,
     bifurcation,
-    finished_path,
     hidden_change,
     locate,
     only_a_pair,
@@ -122,7 +121,7 @@ def follow_arc(
     return _ArcTrace(problem, load_case, control, progress).run()
 
 
-class _ArcTrace:
+class _ArcTrace(Tracer[ArcProblem]):
     """The state while one path is traced."""
 
     def __init__(
@@ -132,25 +131,16 @@ class _ArcTrace:
         control: ArcControl,
         progress: Callable[[float], None] | None,
     ) -> None:
-        self.problem: ArcProblem = problem
-        self.load_case, self.control, self.progress = load_case, control, progress
-        self.points: list[Equilibrium] = [problem.unloaded()]
-        self.events: list[Event] = []
+        super().__init__(problem, load_case, progress)
+        self.control = control
         self.seen = 0
         """Number of events before the present step."""
-        self.branch_start = 0
-        """Index of the first point on the present branch."""
         self.forwards: Array | None = None
         """A change of state along the path, up to the last point."""
         self.turn = EventKind.LIMIT if load_case.load_driven else EventKind.FOLD
         """What the ramp does where it turns back."""
 
-    def run(self) -> Path:
-        started = time.perf_counter()
-        stopped = self._march()
-        return finished_path(self.problem, self.load_case, self.points, self.events, stopped, started)
-
-    def _march(self) -> str:
+    def march(self) -> str:
         step, end = self.control.first, self.load_case.length
         why = ""
         while len(self.points) < self.control.points:
@@ -258,11 +248,6 @@ class _ArcTrace:
 
     def _pass(self, last_point: Equilibrium, next_point: Equilibrium, slope: Array) -> Equilibrium | None:
         """Locate what happens between two points; a state on another branch where the path changes to it.
-
-        Args:
-            last_point: the point before.
-            next_point: the point behind.
-            slope: direction of the path at the former.
 
         Raises:
             NoConvergenceError: two things happen at once, or one of them was not located.

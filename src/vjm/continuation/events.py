@@ -10,11 +10,12 @@ from __future__ import annotations
 
 import math
 import time
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cache
 from itertools import pairwise
-from typing import Protocol, runtime_checkable
+from typing import Generic, Protocol, TypeVar, runtime_checkable
 
 import numpy as np
 
@@ -444,12 +445,7 @@ def _turn_beyond_a_kink(
 ) -> float | None:
     """Path parameter between two points where a deflection is foreseen to turn, maybe in a region of neither.
 
-    Args:
-        problem: whose path it is.
-        a: a point of it.
-        b: the next.
-        states: of the laws at a point.
-        rates: of their deflections, known from other steps; those of the two points are added.
+    Rates of deflections that are known from other steps are not found again; those of the two points are added.
     """
     assert isinstance(problem, WithLaws)
     try:
@@ -473,36 +469,41 @@ def _turn_beyond_a_kink(
     return None
 
 
-def finished_path(
-    problem: Problem,
-    load_case: LoadCase,
-    points: Sequence[Equilibrium],
-    events: Sequence[Event],
-    stopped: str,
-    started: float,
-) -> Path:
-    """What was traced as a path of a model that the engine names.
+Followed = TypeVar("Followed", bound=Problem)
 
-    Args:
-        problem: whose path it is.
-        load_case: the ramp.
-        points: in order.
-        events: in order.
-        stopped: why it ended early; empty where it did not.
-        started: reading of `time.perf_counter` at its beginning.
-    """
-    points, changes = with_law_changes(problem, load_case, points)
-    return Path(
-        engine=problem.label,
-        model="",
-        load_case=load_case,
-        points=tuple(points),
-        events=tuple(events),
-        stations=problem.stations,
-        stopped=stopped,
-        seconds=time.perf_counter() - started,
-        law_changes=tuple(changes),
-    )
+
+class Tracer(ABC, Generic[Followed]):
+    """The state while one path is traced."""
+
+    def __init__(
+        self, problem: Followed, load_case: LoadCase, progress: Callable[[float], None] | None = None
+    ) -> None:  # fmt: skip
+        self.problem, self.load_case, self.progress = problem, load_case, progress
+        self.points: list[Equilibrium] = [problem.unloaded()]
+        self.events: list[Event] = []
+        self.branch_start = 0
+        """Index of the first point on the present branch: no prolongation reaches across it."""
+
+    @abstractmethod
+    def march(self) -> str:
+        """Trace the path; why it ended early, and nothing where it did not."""
+
+    def run(self) -> Path:
+        """The path, of a model that the engine names."""
+        started = time.perf_counter()
+        stopped = self.march()
+        points, changes = with_law_changes(self.problem, self.load_case, self.points)
+        return Path(
+            engine=self.problem.label,
+            model="",
+            load_case=self.load_case,
+            points=tuple(points),
+            events=tuple(self.events),
+            stations=self.problem.stations,
+            stopped=stopped,
+            seconds=time.perf_counter() - started,
+            law_changes=tuple(changes),
+        )
 
 
 WIDE = 0.02

@@ -7,7 +7,6 @@ branch at a bifurcation. The rest is here, once for all engines.
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -19,9 +18,9 @@ from vjm.continuation.events import (
     NEUTRAL,
     WIDE,
     Problem,
+    Tracer,
     WithoutPairs,
     bifurcation,
-    finished_path,
     hidden_change,
     locate,
     on_one_path,
@@ -104,7 +103,7 @@ def follow(
     return _Trace(problem, load_case, control, progress).run()
 
 
-class _Trace:
+class _Trace(Tracer[Problem]):
     """The state while one path is traced."""
 
     def __init__(
@@ -114,24 +113,18 @@ class _Trace:
         control: StepControl,
         progress: Callable[[float], None] | None,
     ) -> None:
-        self.problem: Problem = problem
-        self.load_case, self.control, self.progress = load_case, control, progress
-        self.length = load_case.length
-        self.points: list[Equilibrium] = [problem.unloaded()]
-        self.events: list[Event] = []
-        self.branch_start = 0
-        """Index of the first point on the present branch: no prolongation reaches across it."""
+        super().__init__(problem, load_case, progress)
+        self.control, self.length = control, load_case.length
         self.origin: Equilibrium | None = None
         """The bifurcation where the present branch begins."""
         self._rates = Rates()
         self._given_up: Equilibrium | None = None
         """The last point from which the arc was tried."""
 
-    def run(self) -> Path:
-        started = time.perf_counter()
+    def march(self) -> str:
         stopped = self._march()
         self._add_neighbour_stiffness()
-        return finished_path(self.problem, self.load_case, self.points, self.events, stopped, started)
+        return stopped
 
     def _march(self) -> str:
         grid = None

@@ -521,13 +521,7 @@ class LumpedProblem:
         return wrench
 
     def _tangent_stiffness(self, state: Configuration, K: Array, eigenvalue: float) -> float:
-        """Change of the driven force by the driven displacement.
-
-        Args:
-            state: a state.
-            K: its stiffness ``(6, 6)``.
-            eigenvalue: nearest zero, of the second variation there.
-        """
+        """Change of the driven force by the driven displacement, by stiffness and eigenvalue nearest zero there."""
         direction = self.load_case.direction
         if not self.load_case.load_driven:
             return float(direction @ K @ direction)
@@ -650,13 +644,7 @@ class LumpedProblem:
         return np.concatenate([mode[:n] / self.model.coordinate_scale**2, np.zeros(7)])
 
     def _on_branch(self, critical: Equilibrium, mode: Array, amplitude: float, near: Array) -> Equilibrium:
-        """The state at which the motion from a bifurcation along ``mode`` has an amplitude.
-
-        Args:
-            critical: the bifurcation.
-            mode: ``(n + 7,)``.
-            amplitude: of either sign.
-            near: a state ``(n + 7,)`` to start from.
+        """The state at which the motion from a bifurcation along ``mode`` has an amplitude of either sign.
 
         Raises:
             NoConvergenceError: none was found, or not near the bifurcation.

@@ -123,12 +123,7 @@ class OnePath:
     ) -> bool:
         """Whether the last of a row and ``b`` are on one path; what is known to be on it is added to the row.
 
-        Args:
-            row: begins it.
-            b: ends it.
-            halvings: that are left.
-            by_root: see `passage`.
-            part: whether the two are half of a step that was even itself.
+        ``part`` says that the two are half of a step that was even itself.
         """
         a = row[-1]
         even = self._is_even(a, b, by_root)

@@ -443,21 +443,21 @@ class MachineSolver:
         Raises:
             numpy.linalg.LinAlgError: the state is a critical point.
         """
-        self._must_visit(x, wrench, load)
-        change = np.empty(len(self._gap))
-        forces = np.ascontiguousarray(statics[: self._n], dtype=float)
-        respond(*self._objects, forces, np.concatenate([gap, statics[self._n :]]), change)
-        return np.concatenate([self._work.step, change[6:]]), change[:6]
+        steps, wrenches = self.responses(x, wrench, statics[None], gap[None], load)
+        return steps[0], wrenches[0]
 
-    def responses(self, x: Array, wrench: Array, statics: Array, gap: Array) -> tuple[Array, Array]:
-        """The same ``(k, n)`` and ``(k, 6)`` of k right sides at once, without ramped loads.
+    def responses(
+        self, x: Array, wrench: Array, statics: Array, gap: Array, load: float = 0.0
+    ) -> tuple[Array, Array]:
+        """The same ``(k, n)`` and ``(k, 6)`` of k right sides at once.
 
         Raises:
             numpy.linalg.LinAlgError: as there.
         """
-        self._must_visit(x, wrench, 0.0)
+        self._must_visit(x, wrench, load)
         steps, change = np.empty((len(gap), self._n)), np.empty((len(gap), len(self._gap)))
-        forces, gaps = np.ascontiguousarray(statics[:, : self._n]), np.hstack([gap, statics[:, self._n :]])
+        forces = np.ascontiguousarray(statics[:, : self._n], dtype=float)
+        gaps = np.hstack([gap, statics[:, self._n :]])
         for k in range(len(gap)):
             respond(*self._objects, forces[k], gaps[k], change[k])
             steps[k] = self._work.step

@@ -440,14 +440,7 @@ def _why_not(
 ) -> str:
     """Which joints would have to go beyond their limits, and how near a posture comes that keeps all of them.
 
-    Args:
-        model: the machine.
-        ranges: of its joints.
-        position: wanted, and
-        rotation: likewise.
-        index: of the end frame.
-        starts: of the search.
-        lost: what postures within all limits, coupled ones too, leave of the pose.
+    ``lost`` is what postures within all limits, coupled ones too, leave of the pose.
     """
     if not ranges.driven.any():
         return (
@@ -484,12 +477,9 @@ def least_beyond(ranges: Ranges, q: Array) -> str:
 
 
 def _distinct(q: Array, ranges: Ranges, solves: Callable[[Array], np.ndarray]) -> list[Array]:
-    """Different solutions, the smallest coordinates first; what turns is brought to ±π where its limits allow it.
+    """Different solutions of ``(s, n)``, the smallest coordinates first; what turns is brought to ±π within limits.
 
-    Args:
-        q: solutions ``(s, n)``; of those that are one the first is kept.
-        ranges: of the joints.
-        solves: which of some postures ``(s, n)`` are solutions, to find those that a singular one blurs.
+    Of those that are one the first is kept; ``solves`` tells those that a singular one blurs.
     """
     wrapped = np.where(ranges.turns, q - 2.0 * np.pi * np.round(q / (2.0 * np.pi)), q)
     inside = np.where((wrapped >= ranges.low) & (wrapped <= ranges.high), wrapped, q)

@@ -78,7 +78,7 @@ def leg_wrenches(problem: LumpedProblem, point: Equilibrium) -> Array:
     result = np.zeros((len(legs), 6))
     for row, leg in zip(result, legs, strict=True):
         end = model.end_of(leg.parts[-1])
-        own = (joints >= 0) & model.carried_by(end.joint)[joints]
+        own = np.array([j >= 0 and (end.joint < 0 or model.way(j)[end.joint]) for j in joints.tolist()])
         levers = places[own] - (kinematics.behind[end.joint + 1] @ end.frame)[:3, 3]
         row[:3] = wrenches[own, :3].sum(axis=0)
         row[3:] = (wrenches[own, 3:] + np.cross(levers, wrenches[own, :3])).sum(axis=0)

@@ -127,11 +127,7 @@ class Machine:
         self._check_references()
 
     def _check_references(self) -> None:
-        """Refuse names of parts that are not there.
-
-        Raises:
-            ValueError: naming them.
-        """
+        """Refuse names of parts that are not there, by a `ValueError`."""
         before, joints = {""}, set[str]()
         for part in self.parts:
             where = self.after.get(part.name, "")
@@ -461,12 +457,7 @@ def pushed_out(beam: Beam, free: float) -> Beam:
 
 
 def _refuse_ride(where: str, joint: Joint, beam: Beam) -> None:
-    """Refuse a joint that cannot ride on a beam.
-
-    Args:
-        where: the joint and the beam, for the message.
-        joint: that rides.
-        beam: on which it does.
+    """Refuse a joint that cannot ride on a beam; ``where`` names both.
 
     Raises:
         ValueError: saying why.

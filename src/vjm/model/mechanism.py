@@ -283,16 +283,6 @@ class Mechanism:
         """Where a part ends."""
         return self.built.ends[part]
 
-    def carried_by(self, joint: int) -> np.ndarray:
-        """Which joints ``(m,)`` a joint moves, itself included; −1, the base, all."""
-        carried = np.ones(len(self.parent) + 1, dtype=bool)
-        if joint >= 0:
-            carried[:] = False
-            carried[joint + 1] = True
-            for j, parent in enumerate(self.parent[joint + 1 :], start=joint + 1):
-                carried[j + 1] = carried[parent + 1]
-        return carried[1:]
-
     def find(self, part: str, fraction: float) -> tuple[int, Array]:
         """The body that carries a point of a part, and where it is on it.
 
@@ -451,7 +441,7 @@ class Mechanism:
         """The same at the joints' values ``(m,)``."""
         behind, axes = self._placed(joints)
         end = behind[self.last + 1] @ self.tail
-        on_way = self._way(self.last)
+        on_way = self.way(self.last)
         J = self._joint_jacobian(behind, axes, end[:3, 3], on_way)
         return Kinematics(end, behind, axes, self.joint_rotary & on_way, J, self.drive, self.drive.gathered(J))
 
@@ -473,7 +463,7 @@ class Mechanism:
         end = behind[:, self.last + 1] @ self.tail
         force, arms = wrench[:, None, :3], end[:, None, :3, 3] - behind[:, 1:, :3, 3]
         push = np.where(self.joint_rotary[:, None], cross(arms, force) + wrench[:, None, 3:], force)
-        return self.drive.gathered(np.einsum("kja,kja->kj", axes, push) * self._way(self.last))
+        return self.drive.gathered(np.einsum("kja,kja->kj", axes, push) * self.way(self.last))
 
     @cached_property
     def _ancestors(self) -> list[np.ndarray]:
@@ -488,7 +478,7 @@ class Mechanism:
             ancestor = ancestor[ancestor]
         return result
 
-    def _way(self, joint: int) -> np.ndarray:
+    def way(self, joint: int) -> np.ndarray:
         """Which joints ``(m,)`` lie before what is behind a joint, itself included; of the base, −1, none."""
         way = self._ways.get(joint)
         if way is None:
@@ -508,14 +498,14 @@ class Mechanism:
 
     def motion(self, kinematics: Kinematics, joint: int, point: Array) -> Array:
         """Velocity and angular velocity ``(6, size)`` of a point ``(3,)`` behind a joint by the coordinates'."""
-        moving = self._joint_jacobian(kinematics.behind, kinematics.axes, point, self._way(joint))
+        moving = self._joint_jacobian(kinematics.behind, kinematics.axes, point, self.way(joint))
         result: Array = self.drive.gathered(moving)
         return result
 
     def at_point(self, kinematics: Kinematics, joint: int, offset: Array) -> Kinematics:
         """The same geometry seen by a point ``offset`` (3,) mm behind a joint, −1 for the ground, as its end."""
         end = kinematics.behind[joint + 1] @ translation(offset)
-        on_way = self._way(joint)
+        on_way = self.way(joint)
         J = self._joint_jacobian(kinematics.behind, kinematics.axes, end[:3, 3], on_way)
         turning = self.joint_rotary & on_way
         return replace(kinematics, end=end, rotary=turning, joint_jacobian=J, jacobian=self.drive.gathered(J))
@@ -538,7 +528,7 @@ class Mechanism:
         ):
             point = (kinematics.behind[joints[1] + 1] @ frames[1])[:3, 3]
             first, second = (
-                self._joint_jacobian(kinematics.behind, kinematics.axes, point, self._way(j)) for j in joints
+                self._joint_jacobian(kinematics.behind, kinematics.axes, point, self.way(j)) for j in joints
             )
             rows.append((second - first)[: closure.rows])
         couplings = np.zeros((len(self.chain.couplings), self.size))
