@@ -566,7 +566,8 @@ class Closing:
         if other:
             what = "no coordinate for" if other[0] in names else "there is no held joint"
             raise ValueError(
-                f"{self.machine.name}: {what} '{other[0]}'; held joints are {', '.join(names) or 'none'}"
+                f"{self.machine.name}: {what} '{other[0]}'; held joints are {', '.join(names) or 'none'}; passive "
+                "joints follow: leave them out"
             )
         goal = self.home.copy()
         for name, value in values.items():

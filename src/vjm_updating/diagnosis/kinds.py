@@ -147,6 +147,7 @@ class ColumnTest(RampTest):
     name = "column"
     predictor = ColumnForward
     costs = Costs(third=0.0, disguised=0.0, law_error=0.0)
+    takes_effects = False
 
     def applies(self, measurement: Measurement) -> bool:
         """Where a point of a body controls the test and the end's displacement was not read."""
@@ -288,6 +289,7 @@ class JointTest(RampTest):
     predictor = JointForward
     # a law is read over its own torque and turn, which are what the discrepancy's shapes go with
     costs = Costs(third=0.0, off_sheet=True, other_shapes=False)
+    takes_effects = False
 
     def applies(self, measurement: Measurement) -> bool:
         """Where the sheet says so."""

@@ -169,6 +169,7 @@ class RampTest:
     name = "ramps"
     predictor: ClassVar[type[Predictor]] = Forward
     costs = Costs()
+    takes_effects = True
 
     def applies(self, measurement: Measurement) -> bool:
         """To every test; `observe` refuses those without a displacement."""

@@ -292,6 +292,10 @@ def diagnose_ramps(
     mistakes = mistakes_of(findings)
     measurement = corrected(measurement, mistakes)
     kind = kind_of(measurement)
+    if effects and not kind.takes_effects:
+        raise ValueError(
+            f"{measurement.sheet.file}: --effects is for ramps and loads, and this is a test of a {kind.name}"
+        )
     if beside is not None and kind_of(beside) is not kind:
         raise ValueError(
             f"--beside {beside.readings.file}: is another kind of test than {measurement.readings.file}"

@@ -395,7 +395,9 @@ class JointForward(Predictor):
         motion = np.zeros((n, 6))
         motion[:, 0] = lever
         time = np.zeros(n) if observed.clock is None else observed.clock
-        return History(time, begins, still, still, {}, {observed.measurement.drive.name: motion})
+        return History(
+            time, begins, still, still, {}, {observed.measurement.drive.name: motion}, warmth=observed.warmth
+        )
 
     def _friction(self, motion: Array, limit: Array, presliding: float) -> tuple[Array, Array]:
         """Load ``(n,)`` that friction takes along a joint's motions ``(n,)``, in its own units, and its slope."""

@@ -368,6 +368,7 @@ class Observed:
             each(machine.lever),
             lines,
             motions_of_readings(machine, labels, ())[0],
+            warmth=self.warmth,
         )
 
     @cached_property

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import importlib.util
 import sys
-from collections.abc import Callable, Sequence
+import traceback
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 
 from vjm_updating.mechanisms.contacts import contact_compliance_effects, lost_motion_effects
@@ -58,3 +60,20 @@ def plug_in(path: Path) -> Maker:
     if not callable(make):
         raise ValueError(f"{path}: has no function effects(scene) that returns a list of effects")
     return make
+
+
+@contextmanager
+def errors_within(paths: Sequence[Path]) -> Iterator[None]:
+    """Say an error of a user's file in one line with the line that it comes from.
+
+    Raises:
+        ValueError: something in one of the files raised an error.
+    """
+    try:
+        yield
+    except Exception as error:
+        files = {str(path) for path in paths}
+        own = [frame for frame in traceback.extract_tb(error.__traceback__) if frame.filename in files]
+        if not own:
+            raise
+        raise ValueError(f"{own[-1].filename}:{own[-1].lineno}: {type(error).__name__}: {error}") from error

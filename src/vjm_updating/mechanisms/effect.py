@@ -253,7 +253,7 @@ class Effect:
         return machine
 
     def elements(self, machine: ModifiedChain, values: Sequence[float]) -> tuple[SeriesElement, ...]:
-        """Elements in series with the machine. Their laws see force, clock and posture, and no temperature."""
+        """Elements in series with the machine. Their laws see force, clock, posture and temperature."""
         return ()
 
     def relaxation(self, machine: ModifiedChain, values: Sequence[float]) -> Relaxation | None:

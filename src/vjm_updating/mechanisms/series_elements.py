@@ -60,6 +60,7 @@ class History:
         lines: the same as ``line`` of every link, by its name.
         joints: what a unit of each held joint, mm or rad, does to the end-effector ``(n, 6)``, by its name.
         loaded: of held joints of machines that stand by themselves what is known to second order, by their names.
+        warmth: K above the first reading ``(n,)``; None where no temperature was read.
     """
 
     time: Array
@@ -69,6 +70,7 @@ class History:
     lines: Mapping[str, Array] = field(default_factory=dict)
     joints: Mapping[str, Array] = field(default_factory=dict)
     loaded: Mapping[str, LoadedJoint] = field(default_factory=dict)
+    warmth: Array | None = None
 
     def along(self, link: str) -> Array:
         """Unit vector ``(n, 3)`` along a link, the last one where there is no name."""

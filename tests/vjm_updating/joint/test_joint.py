@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from helpers.command import validate
 from helpers.from_files import CALIBRATED as MODEL
 from helpers.from_files import CALIBRATION as DOCUMENT
 from helpers.from_files import calibrate as calibrate_joint
@@ -321,6 +322,15 @@ def test_a_wrong_sheet_is_refused_in_one_line(tmp_path, change, words):
     with pytest.raises(ValueError, match=words) as caught:
         read_measurement(data, sheet)
     assert "\n" not in str(caught.value)
+
+
+def test_effects_of_a_chain_are_refused(tmp_path):
+    data, sheet = write(tmp_path, Joint(), 3)
+    (tmp_path / "mine.py").write_text("def effects(scene):\n    return []\n")
+    own, out = tmp_path / "mine.py", tmp_path / "out"
+    said = validate("diagnose", data, "--sheet", sheet, "--effects", own, "--out", out, status=2).err.splitlines()
+    assert said[-1].endswith("--effects is for ramps and loads, and this is a test of a joint")
+    assert not out.exists()
 
 
 def test_torques_of_a_wrong_scale_are_told_as_a_number(tmp_path):

@@ -8,7 +8,7 @@ from helpers import linear_arm
 
 from vjm.engines import VjmEngine
 from vjm.io.model_file import load_chain
-from vjm_updating.mechanisms.catalogue import catalogue, plug_in
+from vjm_updating.mechanisms.catalogue import catalogue, errors_within, plug_in
 from vjm_updating.mechanisms.effect import Scene
 from vjm_updating.mechanisms.hysteresis import Creep
 from vjm_updating.mechanisms.modified_chain import ModifiedChain, beam_of
@@ -29,6 +29,17 @@ def scene(segments=None):
 def test_every_cause_is_there():
     causes = {e.cause for segments in (None, 8) for e in catalogue(scene(segments))}
     assert causes == MECHANICAL
+
+
+def test_an_error_in_a_file_of_ones_own_names_its_line(tmp_path):
+    file = tmp_path / "mine.py"
+    file.write_text("def effects(scene):\n    return scene.nothing\n")
+    make = plug_in(file)
+    with pytest.raises(ValueError, match=f"^{re.escape(str(file))}:2: AttributeError: "), errors_within([file]):
+        make(scene())
+    # what is not of the file stays what it was
+    with pytest.raises(KeyError), errors_within([file]):
+        raise KeyError
 
 
 PAPER = [

@@ -24,7 +24,7 @@ from vjm_output.optional_drawing import page_line
 from vjm_updating import calibrate, diagnose, load_data
 from vjm_updating.calibration.document import Calibration, tables
 from vjm_updating.data_set import FREQUENCIES, DataSet
-from vjm_updating.mechanisms.catalogue import plug_in
+from vjm_updating.mechanisms.catalogue import errors_within, plug_in
 from vjm_updating.simulate import DATA, SHEET, simulate, words
 from vjm_validation.cli import NOT_ACCEPTED, OK
 from vjm_validation.cli.options import Model, Strict, warn
@@ -231,7 +231,7 @@ def diagnose_(
     """Show what the model gets wrong, name the cause, extend the model and measure the gain."""
     tell_what_runs(effects)
     makers = [plug_in(path) for path in effects]
-    with telling("diagnosis", out, quiet=json) as (warn, tell):
+    with errors_within(effects), telling("diagnosis", out, quiet=json) as (warn, tell):
         diagnosis = diagnose(
             load_series(data, sheet),
             effects=makers,
@@ -289,10 +289,11 @@ def simulate_(
 ) -> int:
     """Make the readings of a machine with a hidden effect, and say how strong it is in that test."""
     tell_what_runs(effects)
-    truth = simulate(
-        model, test, out, hide=hide, noise=noise, seed=seed, ramps=ramp, plug_ins=effects,
-        engine=engine.replace("lumped", ""),
-    )  # fmt: skip
+    with errors_within(effects):
+        truth = simulate(
+            model, test, out, hide=hide, noise=noise, seed=seed, ramps=ramp, plug_ins=effects,
+            engine=engine.replace("lumped", ""),
+        )  # fmt: skip
     if json:
         sys.stdout.write(as_json(truth))
         return OK
