@@ -245,7 +245,8 @@ def test_a_dead_scheduler_is_one_line_and_status_2(tmp_path, monkeypatch):
     monkeypatch.setattr(cluster, "PATIENCE", "2s")
     address = f"tcp://127.0.0.1:{free_port()}"
     arguments = ["map", "orthoglide", "--grid", "x=0", "--scheduler", address, "--out", str(tmp_path / "out")]
-    assert f"--scheduler {address}: no Dask scheduler answers there" in " ".join(refused(*arguments).split())
+    said = " ".join(validate(*arguments, status=2).err.split())
+    assert f"--scheduler {address}: no Dask scheduler answers there" in said
 
 
 @pytest.mark.slow

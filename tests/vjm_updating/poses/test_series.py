@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from helpers.command import refused
+from helpers.command import refused, validate
 from helpers.from_files import prepared
 from helpers.weighed_arm import compliant, drawn, files, measured
 from hidden_effects.poses.changes import run as run_changes
@@ -200,7 +200,7 @@ def test_three_changes_in_a_file_are_found(tmp_path, seed):
 )
 def test_places_that_cannot_be_used(two, tmp_path, words, said):
     data, sheet = two[0]
-    assert said in refused("calibrate", data, "--sheet", sheet, "--out", tmp_path / "o", *words)
+    assert said in validate("calibrate", data, "--sheet", sheet, "--out", tmp_path / "o", *words, status=2).err
     assert not (tmp_path / "o").exists()
 
 
