@@ -16,7 +16,7 @@ import numpy as np
 from vjm.child_process import ChildError
 from vjm.io.errors import ModelFileError, did_you_mean, printed
 from vjm.io.foreign_readers import CompiledMjcf, compiled_mjcf
-from vjm.io.inertia import NO_BODYS, ROUNDED, inertia_values, is_of_a_body, said_repair
+from vjm.io.inertia import NO_BODYS, ROUNDED, inertia_values, is_of_a_body
 from vjm.io.robot import (
     LEAST_STIFFNESS,
     ON_ITS_BASE,
@@ -36,7 +36,7 @@ from vjm.io.robot import (
     turned,
 )
 from vjm.io.robot_text import LEAST
-from vjm.io.robot_xml import FilePlace, quaternion_turns, taken_limits
+from vjm.io.robot_xml import FilePlace, quaternion_turns, repaired_moments, taken_limits
 from vjm.rotations import Array
 
 METRE = 1000.0
@@ -590,18 +590,14 @@ class _MjcfReader:
 
     def _repair(self, index: int) -> bool:
         """Say that the file's moments of inertia were repaired; whether they are left out in place of that."""
-        name = self._bodies[index]
-        where, (given, new) = f"body '{name}'", self._repaired[index]
+        given, new = (METRE**2 * moments for moments in self._repaired[index])
         if is_of_a_body(inertia_values(given)):
             # within the rounding of the file's numbers
             return False
-        self._impossible[name] = METRE**2 * given, METRE**2 * new
-        remedy = "correct them, or say `validate import` without --strict"
-        return not self._notes.repaired(
-            self._reading.repairs,
-            ModelFileError(f"{self._file}: {where} has {NO_BODYS}: {remedy}"),
-            doubtful=f"{where} has {NO_BODYS}: left out",
-            changed=f"{where}: {said_repair(METRE**2 * given, METRE**2 * new)}",
+        name = self._bodies[index]
+        self._impossible[name] = given, new
+        return not repaired_moments(
+            (given, new), FilePlace(self._file, f"body '{name}'"), self._reading, self._notes
         )
 
     def _joint(self, joint: int, parent: str, child: str, place: Placing, mimic: Mimic | None) -> RobotJoint:

@@ -221,6 +221,20 @@ def taken_limits(
     return (low, high), middle if abs(middle) <= farthest else min(max(0.0, low), high)
 
 
+def repaired_moments(moments: tuple[Array, Array], place: FilePlace, reading: Reading, notes: Notes) -> bool:
+    """Say that given moments of inertia, kg mm², became others; False, and said, where they are left out.
+
+    Raises:
+        ModelFileError: they are to be refused.
+    """
+    return notes.repaired(
+        reading.repairs,
+        place.error(f"has {NO_BODYS}: correct them, or say `validate import` without --strict"),
+        doubtful=f"{place.owner} has {NO_BODYS}: left out",
+        changed=f"{place.owner}: {said_repair(*moments)}",
+    )
+
+
 MOMENTS = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
 SHAPES = "shapes and meshes, which no command reads"
 CONTROL = "what controllers and simulators take"
@@ -620,12 +634,7 @@ class DescribedTree(ABC):
         if not is_of_a_body(values):
             nearest = nearest_of_a_body(own)
             self._impossible[name] = R @ own @ R.T, R @ nearest @ R.T
-            if not self._notes.repaired(
-                self._reading.repairs,
-                place.error(f"has {NO_BODYS}: correct them, or say `validate import` without --strict"),
-                doubtful=f"{place.owner} has {NO_BODYS}: left out",
-                changed=f"{place.owner}: {said_repair(own, nearest)}",
-            ):
+            if not repaired_moments((own, nearest), place, self._reading, self._notes):
                 return ()
             own = nearest
         return tuple(inertia_values(R @ own @ R.T))

@@ -112,7 +112,7 @@ class Shape(Material):
 
     @property
     def geometry(self) -> saint_venant.Geometry:
-        """What follows from its sizes, in one of three ways."""
+        """What follows from its sizes."""
         raise NotImplementedError
 
     @property
