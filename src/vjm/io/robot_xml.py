@@ -222,11 +222,7 @@ def taken_limits(
 
 
 def repaired_moments(moments: tuple[Array, Array], place: FilePlace, reading: Reading, notes: Notes) -> bool:
-    """Say that given moments of inertia, kg mm², became others; False, and said, where they are left out.
-
-    Raises:
-        ModelFileError: they are to be refused.
-    """
+    """Say that given moments of inertia, kg mm², became others, see `Notes.repaired`."""
     return notes.repaired(
         reading.repairs,
         place.error(f"has {NO_BODYS}: correct them, or say `validate import` without --strict"),
