@@ -90,9 +90,6 @@ def _of_two_parts(given: Array, theory: Array) -> str:
     )
 
 
-# ------------------------------------------------------------------------------------------------------------------
-
-
 # --- Mistakes in the beams of model files: materials, sections, slenderness ---------------------------------------
 
 LOWEST_MODULUS, HIGHEST_MODULUS = 300.0, 1.3e6
@@ -265,9 +262,6 @@ def length_of(made: object) -> float:
 def mass_of(made: object) -> float:
     """Mass of a part, kg."""
     return float(getattr(made, "mass", 0.0))
-
-
-# ------------------------------------------------------------------------------------------------------------------
 
 
 TINY_MM, TINY_INSIDE_MM, LEAST_MM = 2.0, 0.5, 1e-3

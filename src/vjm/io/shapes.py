@@ -74,9 +74,6 @@ class Material(Table):
         return min(max(0.5 * self.youngs_modulus_MPa / self.shear_modulus - 1.0, -0.7), 0.5)
 
 
-# ------------------------------------------------------------------------------------------------------------------
-
-
 GAUSS = np.polynomial.legendre.leggauss(100)
 """Places and weights of the fibres over a band's depth, from −1 to 1."""
 STRAIGHT = 1e-3
