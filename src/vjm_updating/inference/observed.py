@@ -313,6 +313,15 @@ class Observed:
     steady: Mapping[int, RampRegression] = field(default_factory=dict)
     zeros: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
+    @classmethod
+    def of(
+        cls, measurement: Measurement, readings: Readings, imposed: Array, read: Array, noise: Noise,
+        own_rays: tuple[Ray, ...], slots: Mapping[str, int], columns: tuple[str, ...] = WRENCH,
+    ) -> Observed:  # fmt: skip
+        """Some readings, with their clock and temperature since the first of them."""
+        clock, warmth = since_first(readings.values.get(TIME)), since_first(temperature_of(measurement, readings))
+        return cls(measurement, readings, imposed, read, noise, own_rays, clock, warmth, slots, columns)
+
     @property
     def present(self) -> np.ndarray:
         """Which samples count ``(n, m)``."""
@@ -411,12 +420,8 @@ def observe(measurement: Measurement) -> Observed:
     usable = np.flatnonzero(~np.isnan(pose).any(axis=1) & ~np.isnan(wrench).all(axis=1))
     readings, pose, wrench = readings.only(usable), pose[usable], wrench[usable]
     noise = noise_of(measurement)
-    heat = temperature_of(measurement, readings)
-    return Observed(
-        measurement, readings, pose, wrench, noise, _rays(measurement, readings, pose, noise),
-        since_first(readings.values.get(TIME)), since_first(heat),
-        {name: k for k, name in enumerate(POSE) if name in readings.values},
-    )  # fmt: skip
+    slots = {name: k for k, name in enumerate(POSE) if name in readings.values}
+    return Observed.of(measurement, readings, pose, wrench, noise, _rays(measurement, readings, pose, noise), slots)
 
 
 def straightened(observed: Observed) -> Observed:
@@ -515,18 +520,9 @@ def observe_joint(measurement: Measurement) -> Observed:
     # weights are set in steps, whichever of the two a test is said to impose
     step = rounding_step(readings.values[effort])
     stepped = "" if rounded(OfJoint(measurement), effort, step) else effort
-    return Observed(
-        measurement,
-        readings,
-        pose,
-        readings.values[effort][:, None],
-        noise_of(measurement, (motion, *[""] * 5), (effort,), stepped),
-        (Ray(measurement.drive.name, x, x, np.arange(len(readings))),),
-        since_first(readings.values.get(TIME)),
-        since_first(temperature_of(measurement, readings)),
-        {motion: 0},
-        (effort,),
-    )
+    noise = noise_of(measurement, (motion, *[""] * 5), (effort,), stepped)
+    ray, read = Ray(measurement.drive.name, x, x, np.arange(len(readings))), readings.values[effort][:, None]
+    return Observed.of(measurement, readings, pose, read, noise, (ray,), {motion: 0}, (effort,))
 
 
 # --- Readings of a test by force: loads on the end-effector are imposed, displacements are read at gauges ---------
@@ -548,15 +544,6 @@ def observe_loads(measurement: Measurement) -> Observed:
     usable = np.flatnonzero(~np.isnan(imposed).any(axis=1) & ~np.isnan(read).all(axis=1))
     readings, imposed, read = readings.only(usable), imposed[usable], read[usable]
     noise = noise_of(measurement, WRENCH, columns)
-    return Observed(
-        measurement,
-        readings,
-        imposed,
-        read,
-        noise,
-        _rays(measurement, readings, imposed, noise, WRENCH),
-        since_first(readings.values.get(TIME)),
-        since_first(temperature_of(measurement, readings)),
-        {name: k for k, name in enumerate(WRENCH) if name in readings.values},
-        columns,
-    )
+    slots = {name: k for k, name in enumerate(WRENCH) if name in readings.values}
+    own_rays = _rays(measurement, readings, imposed, noise, WRENCH)
+    return Observed.of(measurement, readings, imposed, read, noise, own_rays, slots, columns)
