@@ -206,8 +206,7 @@ def test_bad_data_are_refused(files, case: str):
     ],
 )
 def test_bad_options_are_refused(files, options: tuple[str, ...], words: str):
-    said = refused(*command(files, *options))
-    assert words in said
+    assert words in validate(*command(files, *options), status=2).err
     assert not list(files.data.parent.glob("out/*"))
 
 
