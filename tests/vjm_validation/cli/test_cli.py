@@ -24,11 +24,12 @@ from vjm_validation.cli.tables import acceptance_table
 from vjm_validation.schemas import schemas
 
 PUBLISHED = Path(__file__).parents[3] / "docs" / "schemas"
+SCHEMAS = schemas()
 
 
-@pytest.mark.parametrize("name", schemas())
+@pytest.mark.parametrize("name", SCHEMAS)
 def test_the_published_schemas_are_the_present_ones(name):
-    assert json.loads((PUBLISHED / name).read_text()) == schemas()[name]
+    assert json.loads((PUBLISHED / name).read_text()) == SCHEMAS[name]
 
 
 def test_list_names_models_and_engines():
@@ -60,7 +61,7 @@ def test_curve_writes_the_path(tmp_path):
 def test_a_curve_as_a_document_is_its_file():
     words = ("curve", "orthoglide-chain", "--posture", "A", "--to", "2", "--engine", "vjm-paper", "--json")
     document = json.loads(validate(*words).out)
-    jsonschema.validate(document, schemas()["curve.schema.json"])
+    jsonschema.validate(document, SCHEMAS["curve.schema.json"])
     path = trace(load("orthoglide-chain"), LoadCase("A", to=2.0), engine="vjm-paper")
     assert [point["force"] for point in document["points"]] == path.force.tolist()
     assert [point["stiffness"] for point in document["points"]] == [p.tangent for p in path.points]
@@ -72,13 +73,13 @@ def test_a_curve_as_a_document_is_its_file():
 
 def test_buckling_prints_one_document_and_nothing_else():
     document = json_of("buckling", "orthoglide-chain", "--posture", "A", "--direction", "-", "--engine", "vjm")
-    jsonschema.validate(document, schemas()["buckling.schema.json"])
+    jsonschema.validate(document, SCHEMAS["buckling.schema.json"])
     assert document["chain"]["A"]["compression"]["vjm-16"]["F_cr"] == pytest.approx(8849, rel=1e-3)
 
 
 def test_stiffness_under_a_displacement():
     document = json_of("stiffness", "orthoglide-chain", "--posture", "A", "--displacement", "-3,0,0,0,0,0")
-    jsonschema.validate(document, schemas()["stiffness.schema.json"])
+    jsonschema.validate(document, SCHEMAS["stiffness.schema.json"])
     assert document["stable"]
     assert document["displacement"][0] == -3.0
     # buckled: the post-critical stiffness along x, and the unloaded one beside it
@@ -92,7 +93,7 @@ def test_every_engine_answers_for_a_stiffness():
     found = {}
     for engine in ("vjm-16f16", "exudyn", "msa"):
         document = json.loads(validate(*arguments, "--engine", engine).out)
-        jsonschema.validate(document, schemas()["stiffness.schema.json"])
+        jsonschema.validate(document, SCHEMAS["stiffness.schema.json"])
         # moments by the link's length, so that all entries are N/mm
         unit = np.repeat([1.0, 1.0 / 310.0], 3)
         found[engine] = np.array(document["stiffness_loaded"]) * unit[:, None] * unit
