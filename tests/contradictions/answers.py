@@ -257,14 +257,7 @@ class Question:
 
 @dataclass(frozen=True)
 class Contradiction:
-    """Two ways that do not agree, or one that failed.
-
-    Attributes:
-        machine: kind and number.
-        question: its name, and what is stated.
-        answers: ways with what they say.
-        failure: of the way itself: an error that is no listed reason.
-    """
+    """Two ways that do not agree, or one that failed."""
 
     machine: str
     question: str
@@ -277,14 +270,7 @@ class Contradiction:
 
 @dataclass(frozen=True)
 class Judged:
-    """What came of one question on one machine.
-
-    Attributes:
-        compared: pairs of statements.
-        refused: ways and the reasons that are listed.
-        contradictions: found.
-        seconds: by way.
-    """
+    """What came of one question on one machine."""
 
     compared: int
     refused: tuple[tuple[str, str], ...]

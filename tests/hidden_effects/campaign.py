@@ -29,14 +29,7 @@ ONLY = "--only"
 
 @dataclass(frozen=True)
 class Task:
-    """One set to be made and diagnosed.
-
-    Attributes:
-        plan: what it is.
-        folder: of the campaign.
-        diagnose: whether it is diagnosed; else only made.
-        without: whether the finder can be told to leave a cause out.
-    """
+    """One set to be made and diagnosed."""
 
     plan: Plan
     folder: Path

@@ -117,14 +117,7 @@ class Family:
 
 @dataclass(frozen=True)
 class Hidden:
-    """One hidden cause.
-
-    Attributes:
-        family: what it is.
-        size: how much of it.
-        strength: that it has alone.
-        laws: by which it acts.
-    """
+    """One hidden cause."""
 
     family: Family
     size: float

@@ -36,12 +36,7 @@ SETTLED = 0.02
 
 @dataclass(frozen=True)
 class Point:
-    """A cause at some sizes.
-
-    Attributes:
-        flat: what it changes, as forces ``(n c,)``.
-        whitened: the same, whitened.
-    """
+    """A cause at some sizes."""
 
     flat: Array
     whitened: Array
@@ -53,14 +48,7 @@ Added = tuple[str, str, Point]
 
 @dataclass(frozen=True)
 class Refit:
-    """Simulates causes in a design by given laws.
-
-    Attributes:
-        known: the yardstick.
-        laws: of what is hidden.
-        rig: the machine that causes are put into.
-        base: its readings.
-    """
+    """Simulates causes in a design by given laws."""
 
     known: Signatures
     laws: Laws

@@ -65,12 +65,7 @@ class Curve:
 
 @dataclass(frozen=True)
 class Fit:
-    """The nearest point of one or several curves.
-
-    Attributes:
-        distance: to it.
-        weights: ``(m,)`` on the nodes.
-    """
+    """The nearest point of one or several curves."""
 
     distance: float
     weights: Array

@@ -17,12 +17,7 @@ KEPT = 6
 
 @dataclass
 class Store:
-    """Signatures by the seed of their design.
-
-    Attributes:
-        folder: of the files, which are this campaign's own.
-        designs: number of the campaign's.
-    """
+    """Signatures by the seed of their design."""
 
     folder: Path
     designs: int

@@ -13,15 +13,7 @@ _DASH = "–"
 
 @dataclass(frozen=True)
 class Row:
-    """One figure.
-
-    Attributes:
-        name: what it is.
-        asked: the requirement in words.
-        found: the figure in words.
-        interval: its 95 % interval in words, empty where it has none.
-        met: whether the figure meets the requirement; None where there is no figure.
-    """
+    """One figure."""
 
     name: str
     asked: str
@@ -37,13 +29,7 @@ class Row:
 
 @dataclass(frozen=True)
 class Part:
-    """How much of a campaign was made.
-
-    Attributes:
-        share: that was asked for of a whole one's sets.
-        finished: sets.
-        of: that were asked for.
-    """
+    """How much of a campaign was made."""
 
     share: float = 1.0
     finished: int = 0

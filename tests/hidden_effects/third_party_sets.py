@@ -36,13 +36,7 @@ app = App(name="given-sets", help="Diagnose sets that others made, and score the
 
 @dataclass(frozen=True)
 class Task:
-    """A set to be diagnosed.
-
-    Attributes:
-        name: of its folder.
-        folder: with its two files.
-        out: for what the finder writes.
-    """
+    """A set to be diagnosed."""
 
     name: str
     folder: Path

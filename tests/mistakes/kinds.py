@@ -12,14 +12,7 @@ FORCES, SHIFTS, TURNS = WRENCH[:3], POSE[:3], POSE[3:]
 
 @dataclass(frozen=True)
 class Way:
-    """What a user who mistakes a column does to readings.
-
-    Attributes:
-        name: of the mistake.
-        says: words, one of which the warning must have.
-        factors: by column, what its cells are multiplied by.
-        exchanged: two columns that change places.
-    """
+    """What a user who mistakes a column does to readings."""
 
     name: str
     says: tuple[str, ...]

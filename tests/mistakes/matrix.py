@@ -14,13 +14,7 @@ from vjm_updating.experiment.plausibility import plausibility
 
 @dataclass(frozen=True)
 class Tried:
-    """One mistake, and what was said.
-
-    Attributes:
-        name: way and place.
-        met: refused, or named with the right guess.
-        said: every line.
-    """
+    """One mistake, and what was said."""
 
     name: str
     met: bool

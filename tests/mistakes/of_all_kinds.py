@@ -27,15 +27,7 @@ LABEL = "posture"
 
 @dataclass(frozen=True)
 class Spoilt:
-    """A test with one mistake.
-
-    Attributes:
-        kind: of mistake.
-        place: where.
-        says: words, one of which has to be said.
-        rows: of the data.
-        sheet: its text.
-    """
+    """A test with one mistake."""
 
     kind: str
     place: str

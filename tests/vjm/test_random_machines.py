@@ -21,15 +21,7 @@ CLOSE = 1e-7
 
 @dataclass(frozen=True)
 class Answer:
-    """What the package says of a machine.
-
-    Attributes:
-        x: coordinates ``(n,)``, parts in their order.
-        frames: end frames ``(4, 4)`` by name.
-        wrench: on the end-effector where it is held.
-        stiffness: K^F ``(6, 6)`` by end.
-        stable: whether the equilibrium is stable.
-    """
+    """What the package says of a machine."""
 
     x: np.ndarray
     frames: dict[str, np.ndarray]

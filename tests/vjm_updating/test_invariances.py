@@ -33,14 +33,7 @@ TURNED = 0.15
 
 @dataclass(frozen=True)
 class Written:
-    """A test as it stands in files.
-
-    Attributes:
-        rows: of the data.
-        sheet: its text.
-        model: content of the model file beside it; empty where the model is the library's.
-        named: what each name in the test was called before.
-    """
+    """A test as it stands in files."""
 
     rows: list[Row]
     sheet: str

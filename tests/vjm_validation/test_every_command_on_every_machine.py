@@ -42,14 +42,7 @@ noise = {noise}
 
 @dataclass(frozen=True)
 class Asked:
-    """A machine and what is asked of it.
-
-    Attributes:
-        model: name, or file of the test's folder.
-        posture: label.
-        place: where its tool can be, mm; of a platform from home.
-        grid: of a map.
-    """
+    """A machine and what is asked of it."""
 
     model: str
     posture: str
@@ -95,14 +88,7 @@ SLOW = {
 
 @dataclass(frozen=True)
 class Refusal:
-    """What a command does not take.
-
-    Attributes:
-        commands: those that refuse.
-        kind: of machines.
-        said: of the line that is printed.
-        why: the reason, for the docs.
-    """
+    """What a command does not take."""
 
     commands: tuple[str, ...]
     kind: str

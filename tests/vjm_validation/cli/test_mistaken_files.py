@@ -19,13 +19,7 @@ READINGS = "\n".join(
 
 
 class Mistake(NamedTuple):
-    """What is typed.
-
-    Attributes:
-        edits: file, what stands in it, and what is written instead.
-        command: the command line.
-        words: what its message holds.
-    """
+    """What is typed."""
 
     edits: tuple[tuple[str, str, str], ...]
     command: str
