@@ -6,7 +6,7 @@ Polygons with holes are solved by quadratic triangles.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from functools import cached_property, lru_cache
 
@@ -412,7 +412,12 @@ class PolygonConstants:
     warping: float
     shear_areas: tuple[float, float]
     errors: dict[str, float]
-    loops: list[Array]
+    loops: Sequence[Array]
+
+    @property
+    def by_mesh(self) -> tuple[float, float, tuple[float, float], tuple[float, float]]:
+        """What depends on the mesh: torsion, warping, shear areas and shear centre."""
+        return self.torsion, self.warping, self.shear_areas, self.shear_centre
 
     @property
     def sides(self) -> tuple[float, float]:
@@ -457,22 +462,13 @@ def polygon_constants(loops: tuple[Loop, ...], nu: float) -> PolygonConstants:
     _check_loops(loops)
     area, centroid, moments = _moments(loops)
     centred = [np.array(loop) - centroid for loop in loops]
-    wide = _width(centred)
-    first, second = (_Triangles(centred, wide * share).solved(area, moments, nu) for share in (1.0, 0.5))
-    size = float(np.sqrt(area))
-    scale = {"torsion": second.torsion, "warping": area**3 * 1e-6, "shear": min(second.shear_areas)}
-    errors = {
-        "torsion": abs(first.torsion - second.torsion) / scale["torsion"],
-        "warping": abs(first.warping - second.warping) / max(second.warping, scale["warping"]),
-        "shear areas": max(np.abs(np.subtract(first.shear_areas, second.shear_areas))) / scale["shear"],
-        "shear centre": max(np.abs(np.subtract(first.shear_centre, second.shear_centre))) / size,
-    }
-    y, z, product = moments
-    return PolygonConstants(
-        area, (float(centroid[0]), float(centroid[1])), (y, z), product, second.torsion, second.shear_centre,
-        second.warping, second.shear_areas, {name: float(value) for name, value in errors.items()},
-        centred,
-    )  # fmt: skip
+    wide, middle = _width(centred), (float(centroid[0]), float(centroid[1]))
+    first, second = (_Triangles(centred, wide * share).solved(area, middle, moments, nu) for share in (1.0, 0.5))
+    apart = [np.abs(np.array(a) - np.array(b)).max() for a, b in zip(first.by_mesh, second.by_mesh, strict=True)]
+    scales = second.torsion, max(second.warping, area**3 * 1e-6), min(second.shear_areas), float(np.sqrt(area))
+    names = ("torsion", "warping", "shear areas", "shear centre")
+    errors = {name: float(most / scale) for name, most, scale in zip(names, apart, scales, strict=True)}
+    return replace(second, errors=errors)
 
 
 def _check_loops(loops: Sequence[Loop]) -> None:
@@ -590,14 +586,6 @@ def _width(loops: Sequence[Array]) -> float:
     return min(WIDEST * size, thin / ACROSS)
 
 
-@dataclass(frozen=True)
-class _Solved:
-    torsion: float
-    warping: float
-    shear_centre: tuple[float, float]
-    shear_areas: tuple[float, float]
-
-
 class _Triangles:
     """Triangles of six nodes; fields at the points of integration are ``(triangles, 6)``."""
 
@@ -700,7 +688,9 @@ class _Triangles:
             border = split
         raise ValueError("no triangles fill it: give corners that are farther apart")
 
-    def solved(self, area: float, moments: tuple[float, float, float], nu: float) -> _Solved:
+    def solved(
+        self, area: float, centroid: tuple[float, float], moments: tuple[float, float, float], nu: float
+    ) -> PolygonConstants:
         """The constants, about the centroid at zero."""
         Iy, Iz, P = moments
         y, z = self.y, self.z
@@ -724,7 +714,8 @@ class _Triangles:
             u = solve(self._nodal(scale * load, *by))[self.nodes]
             stress = [np.einsum("tqn,tn->tq", slope, u) - b for slope, b in zip(self.slopes, by, strict=True)]
             areas.append((scale * det) ** 2 / float(np.sum(self.areas * (stress[0] ** 2 + stress[1] ** 2))))
-        return _Solved(torsion, warping, centre, (areas[0], areas[1]))
+        shear = areas[0], areas[1]
+        return PolygonConstants(area, centroid, (Iy, Iz), P, torsion, centre, warping, shear, {}, self._loops)
 
     def _nodal(self, source: Array, along_y: Array, along_z: Array) -> Array:
         """Integrals of a source times the shape functions, and of a field times their slopes, by node."""
