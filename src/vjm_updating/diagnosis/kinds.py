@@ -93,38 +93,36 @@ def direct(
     known, tolerance, cell = measurement.sheet.sigma, measurement.sheet.tolerance, channel == WRENCH[0]
     size = abs(e.value)
     shown: float | None = None
-    match cause:
-        case "instrument_zero":
-            what = "load cell" if cell else "ruler"
-            path = f"take the column out of the rig and read the {what}"
-            why = (
-                f"an error of zero of the {what} would show as {e.value:.3g} there, against the sheet's "
-                f"±{known(channel).zero:.3g}; a column that is stiffer or longer would not"
-            )
-            shown, off, sigma = size, size, known(channel).zero
-        case "instrument_scale" if cell:
-            path, shown = f"load the cell with a known weight of some {load:.3g} N", size * load
-            why = (
-                f"an error of its scale would show as {size * load:.3g} N; a column that is stiffer or longer "
-                "would not"
-            )
-            off, sigma = size, known(channel).scale
-        case "instrument_scale":
-            path, why = "lay a second ruler beside the first", f"it would be off by {100.0 * e.value:.2g} %"
-            off, sigma = size, known(channel).scale
-        case "link_compliance":
-            path = "lay the column on two supports and bend it by a known weight at its middle"
-            why = (
-                f"it would deflect by {100.0 * abs(1.0 - e.value):.2g} % {'less' if e.value < 1.0 else 'more'} "
-                "than the model says; errors of zero and scale of the rig do not change it"
-            )
-            off, sigma = abs(1.0 / e.value - 1.0), tolerance.modulus_rel
-        case "link_length":
-            path = "measure the distance between the knife edges with calipers"
-            why = f"it would be off by {e.value:.3g} mm"
-            off, sigma = size, tolerance.link_length_mm
-        case _:
-            return None
+    if cause == "instrument_zero":
+        what = "load cell" if cell else "ruler"
+        path = f"take the column out of the rig and read the {what}"
+        why = (
+            f"an error of zero of the {what} would show as {e.value:.3g} there, against the sheet's "
+            f"±{known(channel).zero:.3g}; a column that is stiffer or longer would not"
+        )
+        shown, off, sigma = size, size, known(channel).zero
+    elif cause == "instrument_scale" and cell:
+        path, shown = f"load the cell with a known weight of some {load:.3g} N", size * load
+        why = (
+            f"an error of its scale would show as {size * load:.3g} N; a column that is stiffer or longer would not"
+        )
+        off, sigma = size, known(channel).scale
+    elif cause == "instrument_scale":
+        path, why = "lay a second ruler beside the first", f"it would be off by {100.0 * e.value:.2g} %"
+        off, sigma = size, known(channel).scale
+    elif cause == "link_compliance":
+        path = "lay the column on two supports and bend it by a known weight at its middle"
+        why = (
+            f"it would deflect by {100.0 * abs(1.0 - e.value):.2g} % {'less' if e.value < 1.0 else 'more'} "
+            "than the model says; errors of zero and scale of the rig do not change it"
+        )
+        off, sigma = abs(1.0 / e.value - 1.0), tolerance.modulus_rel
+    elif cause == "link_length":
+        path = "measure the distance between the knife edges with calipers"
+        why = f"it would be off by {e.value:.3g} mm"
+        off, sigma = size, tolerance.link_length_mm
+    else:
+        return None
     return ExperimentRow(
         path=path, why=why, posture=posture, difference=shown,
         channel=channel if cause.startswith("instrument") else "", strength=off / sigma if sigma > 0.0 else None,
