@@ -23,10 +23,8 @@ from vjm.machine.equilibria import equilibria, unloaded_frames
 from vjm.model.load_case import ARC, Load, LoadCase
 from vjm.model.machine import Machine
 from vjm.model.mechanism import Mechanism
-from vjm.model.parameters import compliance_factor
 from vjm.model.parts import Joint, RigidOffset
 from vjm.rotations import AXES
-from vjm.sensitivity import wrench_sensitivity
 from vjm.statics import TOLERANCE
 
 
@@ -43,11 +41,10 @@ def main(work: Sequence[Callable[[], None]] = ()) -> None:
 
 
 def paths() -> None:
-    """A path, its derivatives, a grid, and a load that turns with its body."""
+    """A path, a grid, and a load that turns with its body."""
     chain, engine = load_chain("orthoglide-chain"), VjmEngine(4)
     load_case = LoadCase("A", -3.0)
-    path = engine.trace(chain, load_case)
-    wrench_sensitivity(engine, chain, path, [compliance_factor(chain, "link")])
+    engine.trace(chain, load_case)
     problem = engine.problem(chain, load_case)
     problem.model.stiffness_under(np.zeros(problem.model.size))
     grid = trace_grid(problem, np.linspace(0.0, 0.1, 5))

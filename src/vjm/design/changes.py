@@ -13,7 +13,7 @@ from vjm.model.machine import Machine
 from vjm.model.parameters import Parameter
 from vjm.postures import in_posture_of
 from vjm.rank import NEGLIGIBLE
-from vjm.rotations import Array, displacement_between
+from vjm.rotations import Array, displaced, displacement_between
 
 STEP = 1e-3
 """Change of a parameter, over its scale, of the wider of two central differences: errors of its fourth power,
@@ -39,32 +39,44 @@ def difference(function: Callable[[float], Array], h: float) -> Array:
     return result
 
 
-def response(missing: Callable[[Array], Array], solve: Callable[[Array], Array], coordinates: int) -> Array:
+def response(
+    missing: Callable[[Array], Array], solve: Callable[[Array], Array], coordinates: int, size: int
+) -> Array:
     """The rate of a state that stays an equilibrium while something changes.
 
     The tangent is the derivative of the forces along motions that keep loops closed. Where a change opens them,
     what is missing to an equilibrium along the rate that was found is asked for again.
 
     Args:
-        missing: forces and gaps ``(m,)`` that a rate leaves; of zero at first.
+        missing: forces and gaps ``(m,)`` that a rate leaves.
         solve: rate that brings forces and gaps about.
         coordinates: number of forces, before the gaps.
+        size: of a rate.
     """
-    first = missing(np.zeros(0))
+    first = missing(np.zeros(size))
     rate = solve(first)
     for _ in range(CORRECTIONS if np.any(first[coordinates:]) else 0):
         rate = rate + solve(missing(rate))
     return rate
 
 
-def placed(asked: Question, x: Array) -> LinearState:
-    """A machine at a state ``(size,)``, in equilibrium or not."""
-    x0 = asked.model.configuration(asked.model.chain.posture(asked.posture))
-    return LinearState(asked, asked.model, x, np.zeros(6), loading(asked, asked.model, x0), np.full(6, np.nan))
+def placed(asked: Question, x: Array, moved: Array | None = None) -> LinearState:
+    """A machine at a state, in equilibrium or not.
+
+    Args:
+        asked: the machine, and what is done to it.
+        x: ``(size,)``; where its end is held, the wrench ``(6,)`` that holds it stands behind.
+        moved: ``(6,)`` displacement at which its end is held.
+    """
+    model = asked.model
+    x0 = model.configuration(model.chain.posture(asked.posture))
+    x, wrench = x[: model.size], np.zeros(6) if moved is None else x[model.size :]
+    moved = np.full(6, np.nan) if moved is None else moved
+    return LinearState(asked, model, x, wrench, loading(asked, model, x0), moved)
 
 
 def changed(base: LinearState, parameter: Parameter, value: float, x: Array) -> LinearState:
-    """The machine with another value of a parameter, at a state ``(size,)``.
+    """The machine with another value of a parameter, at a state as `placed` takes it, held alike.
 
     Raises:
         ValueError: it has other springs or joints then.
@@ -72,7 +84,7 @@ def changed(base: LinearState, parameter: Parameter, value: float, x: Array) -> 
     asked = asked_with(base.question, parameter, value)
     if asked.model.size != base.model.size:
         raise ValueError(f"parameter '{parameter.name}' adds or takes away a spring: it has no derivative")
-    return placed(asked, x)
+    return placed(asked, x, None if asked.displacement is None else base.moved)
 
 
 @lru_cache(maxsize=KEPT)
@@ -97,7 +109,7 @@ def residual_forces(state: LinearState) -> Array:
 
 
 def gaps(state: LinearState) -> Array:
-    """What closures and couplings miss ``(c,)``, in the order of `LinearState.constraints`; mm and rad."""
+    """What closures, couplings and a held end miss ``(c,)``, in the order of `LinearState.constraints`; mm, rad."""
     chain, residuals = state.model.chain, []
     sites = zip(chain.closures, state.model.closure_joints, state.model.closure_frames, strict=True)
     for closure, on, own in sites:
@@ -106,45 +118,31 @@ def gaps(state: LinearState) -> Array:
     for coupling in chain.couplings:
         terms = (weight * state.x[state.model.built.spans[joint].start] for joint, weight in coupling.terms)
         residuals.append(np.array([sum(terms) - coupling.total]))
+    if state.question.displacement is not None:
+        residuals.append(displacement_between(displaced(state.question.drawn_end, state.moved), state.end.end))
     return np.concatenate(residuals) if residuals else np.zeros(0)
 
 
-def state_rate(
-    base: LinearState, parameter: Parameter, machine: Callable[[float, Array], LinearState] | None = None
-) -> Array:
+def state_rate(base: LinearState, parameter: Parameter) -> Array:
     """Derivative ``(size,)`` of a state that stays an equilibrium, by a parameter.
-
-    Args:
-        base: the equilibrium.
-        parameter: of its machine.
-        machine: the machine with the parameter's value changed by a step, at a state ``(size,)``; `changed` if left
-            out.
 
     Raises:
         ValueError: the parameter changes which springs the machine has.
     """
-    if machine is not None:
-        return _state_rate(base, parameter, machine)
-    if parameter not in base.rates:
-        base.rates[parameter] = _state_rate(
-            base, parameter, lambda step, x: changed(base, parameter, parameter.value + step, x)
-        )
-    return base.rates[parameter]
-
-
-def _state_rate(base: LinearState, parameter: Parameter, machine: Callable[[float, Array], LinearState]) -> Array:
-    h = STEP * parameter.scale
+    if parameter in base.rates:
+        return base.rates[parameter]
 
     def missing(rate: Array) -> Array:
         def lacks(step: float) -> Array:
-            moved = machine(step, base.x + step * rate if len(rate) else base.x)
+            moved = changed(base, parameter, parameter.value + step, base.x + step * rate)
             return np.concatenate([residual_forces(moved), -gaps(moved)])
 
-        lacking = difference(lacks, h)
+        lacking = difference(lacks, STEP * parameter.scale)
         refuse_incompatible(base, parameter, -lacking[base.n :])
         return lacking
 
-    return response(missing, partial(_rate, base), base.n)
+    base.rates[parameter] = response(missing, partial(_rate, base), base.n, len(base.x))
+    return base.rates[parameter]
 
 
 def refuse_incompatible(base: LinearState, parameter: Parameter, gaps: Array) -> None:

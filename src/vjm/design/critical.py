@@ -4,11 +4,15 @@ The path of the loaded machine is followed to its first critical point. That is 
 equilibrium ``r(x, f, p) = 0``, ``g(x, p) = 0`` and a tangent ``B`` with ``wᵀ B v = 0``. Here ``v`` and ``w`` are
 its null vectors. Where these keep holding, ``f' = -(wᵀ B_p v) / (wᵀ B_f v)`` with the changes of the state in both
 derivatives; at a limit of the load it becomes ``f' = -(wᵀ r_p) / (wᵀ r_f)``.
+
+The events of a path whose end is held in a ramp of poses change alike. There f is a factor on the displacement; at
+a limit or a stiffness knee v and w are what the ramp, and its transposed, brings about, and ``wᵀ B v`` is its
+stiffness.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from typing import Any
@@ -16,6 +20,7 @@ from typing import Any
 import numpy as np
 from scipy.linalg import eigvals
 
+from vjm.continuation.path import EventKind, Path
 from vjm.design.changes import (
     STEP,
     changed,
@@ -77,7 +82,7 @@ class _LoadedMachine:
     def load_size(self) -> float:
         """Largest generalised force, scaled, that the loads could have on a coordinate."""
         length = self.model.characteristic_length
-        wrenches = np.array([load.wrench for load in self.asked.acting])
+        wrenches = np.array([load.wrench for load in self.asked.acting]).reshape(-1, 6)
         size = np.sum(np.linalg.norm(wrenches * np.repeat([length, 1.0], 3), axis=1))
         n = self.model.coordinates
         return float(size * np.max(self.scale[:n] / self.model.coordinate_scale[:n]))
@@ -96,6 +101,17 @@ class _LoadedMachine:
         """Tangent ``(n + r, n + r)`` with the closures' derivative, scaled."""
         return state.bordered(state.tangent, self.combinations, self.scale)
 
+    def stiffness(self, W: Array, V: Array) -> Callable[[LinearState], Array]:
+        """Mean ``(1,)`` of ``wᵀ B v`` over directions ``(n + r, k)``, of a state."""
+        n, (w, v) = self.model.coordinates, (self.scale[:, None] * each for each in (W, V))
+
+        def mean(state: LinearState) -> Array:
+            rows = state.rows(self.combinations)
+            held = np.sum((rows @ w[:n]) * v[n:]) + np.sum(w[n:] * (rows @ v[:n]))
+            return np.array([np.sum(w[:n] * (state.tangent @ v[:n])) + held]) / V.shape[1]
+
+        return mean
+
     def residual_forces(self, state: LinearState) -> Array:
         """What a state lacks to be an equilibrium ``(n + r,)``, scaled."""
         return self.scale * np.concatenate([residual_forces(state), -self.combinations.T @ gaps(state)])
@@ -106,13 +122,9 @@ class _LoadedMachine:
         rest = np.zeros((len(self.scale) - n, motions.shape[1]))
         return np.vstack([motions / self.scale[:n, None], rest])
 
-    def answer(self, solver: _Critical, missing: Callable[[Array], Array]) -> Array:
+    def answer(self, solver: _Critical | TangentSystem, missing: Callable[[Array], Array]) -> Array:
         """Direction ``(n + r,)`` in which the state follows a change, see `vjm.design.changes.response`."""
-        still = np.zeros(len(self.scale))
-        return response(
-            lambda way: missing(way if len(way) else still), lambda right: solver.solve(right)[0],
-            self.model.coordinates,
-        )  # fmt: skip
+        return response(missing, lambda right: solver.solve(right)[0], self.model.coordinates, len(self.scale))
 
     def size(self, way: Array) -> float:
         """How far a direction moves the machine at most: turns in rad, shifts over the characteristic length."""
@@ -131,6 +143,26 @@ class _LoadedMachine:
             return of(self.at(self.moved(x, h * way), factor * (1.0 + h * share) if factor else h * share))
 
         return difference(at, self.step(way, share))
+
+
+@dataclass(frozen=True)
+class _HeldMachine(_LoadedMachine):
+    """One whose end is held; its states have the wrench ``(6,)`` on the end behind them.
+
+    Attributes:
+        displacement: ``(6,)`` of the end at the factor one.
+    """
+
+    displacement: Array
+
+    def at(self, x: Array, factor: float) -> LinearState:
+        return placed(self.asked, x, factor * self.displacement)
+
+    def held_by(self, way: Array) -> Array:
+        """Change ``(6,)`` of the wrench on the end along a direction."""
+        n = self.model.coordinates
+        result: Array = -(self.combinations @ (self.scale * way)[n:])[-6:]
+        return result
 
 
 def _machine(asked: Question, state: LinearState) -> _LoadedMachine:
@@ -246,13 +278,10 @@ def _rates(machine: _LoadedMachine, x: Array, factor: float, solver: _Critical) 
     forces = np.where(np.abs(forces) > SUM_ROUNDING / SMALL * largest, forces, 0.0)
     _, unreached = solver.solve(forces)
     way = machine.answer(solver, lambda way: machine.along(x, factor, way, 1.0, machine.residual_forces))
-    softening = _mean(W, machine.along(x, factor, way, 1.0, machine.bordered), V)
-    bending = _mean(W, machine.along(x, factor, V[:, 0], 0.0, machine.bordered), V) if V.shape[1] == 1 else 0.0
+    stiffness = machine.stiffness(W, V)
+    softening = float(machine.along(x, factor, way, 1.0, stiffness)[0])
+    bending = float(machine.along(x, factor, V[:, 0], 0.0, stiffness)[0]) if V.shape[1] == 1 else 0.0
     return _Rates(unreached, float(np.linalg.norm(forces)) or largest, softening, bending)
-
-
-def _mean(W: Array, change: Array, V: Array) -> float:
-    return float(np.trace(W.T @ change @ V)) / V.shape[1]
 
 
 @dataclass(frozen=True)
@@ -343,8 +372,8 @@ def _solved(asked: Question, x: Array, factor: float, count: int, where: str) ->
             rates = _rates(machine, x, factor, solver)
         right, left, missing = solver.V, solver.W, solver.missing
         way, unreached = solver.solve(machine.residual_forces(state))
-        softened = _mean(left, machine.along(x, factor, way, 0.0, machine.bordered), right)
-        excess = float(np.trace(missing)) / count - softened
+        softened = machine.along(x, factor, way, 0.0, machine.stiffness(left, right))
+        excess = float(np.trace(missing)) / count - float(softened[0])
         if rates.limit:
             grown, share = -float(unreached[0] / rates.unreached[0]), 0.0
             if rates.bending:
@@ -394,22 +423,9 @@ def critical_derivative(critical: CriticalState, parameter: Parameter) -> float:
     Raises:
         ValueError: there is none, because the parameter turns a bifurcation into a limit of the load.
     """
-    x, factor = critical.state.x, critical.factor
-    machine, solver, rates = critical.machine, critical.solver, critical.rates
-    V, W = solver.V, solver.W
-
-    def change(of: Callable[[LinearState], Array], way: Array) -> Array:
-        return difference(
-            lambda h: of(changed(critical.state, parameter, parameter.value + h, machine.moved(x, h * way))),
-            STEP * parameter.scale,
-        )
-
-    # the forces along a way that closes what the parameter opens: on it the left null vector distinguishes them
-    n, closing = critical.state.n, np.zeros(len(V))
-    refuse_incompatible(critical.state, parameter, change(gaps, closing))
-    opened = change(machine.residual_forces, closing)[n:]
-    closing[:n] = np.linalg.lstsq(machine.bordered(critical.state)[n:, :n], opened, rcond=None)[0]
-    _, unreached = solver.solve(change(machine.residual_forces, closing))
+    factor, machine, solver, rates = critical.factor, critical.machine, critical.solver, critical.rates
+    change = _ByParameter(machine, critical.state, critical.state.x, parameter)
+    unreached = change.unreached(solver)
     if rates.limit:
         return -factor * float(unreached[0] / rates.unreached[0])
     if float(np.abs(unreached).max()) * parameter.scale > SYMMETRIC * rates.size:
@@ -417,6 +433,134 @@ def critical_derivative(critical: CriticalState, parameter: Parameter) -> float:
             f"parameter '{parameter.name}' turns the bifurcation at the critical load into a limit of the load, "
             f"which has no derivative by it there"
         )
-    way = machine.answer(solver, lambda way: change(machine.residual_forces, way))
-    softened = _mean(W, change(machine.bordered, way), V)
-    return -factor * softened / rates.softening
+    softened = change.along(machine.stiffness(solver.W, solver.V), change.way(solver))
+    return -factor * float(softened[0]) / rates.softening
+
+
+@dataclass(frozen=True)
+class _ByParameter:
+    """Derivatives by a parameter at a critical state, whose vector is ``x``."""
+
+    machine: _LoadedMachine
+    state: LinearState
+    x: Array
+    parameter: Parameter
+
+    def along(self, of: Callable[[LinearState], Array], way: Array) -> Array:
+        """Of something, the state moving along a direction ``(n + r,)`` per unit of the parameter."""
+        value, moved = self.parameter.value, self.machine.moved
+        return difference(
+            lambda h: of(changed(self.state, self.parameter, value + h, moved(self.x, h * way))),
+            STEP * self.parameter.scale,
+        )
+
+    def unreached(self, solver: _Critical) -> Array:
+        """Forces ``(k,)`` that the tangent does not reach.
+
+        They are those along a way that closes what the parameter opens: on it the left null vector tells them.
+
+        Raises:
+            ValueError: no way closes it.
+        """
+        n, closing = self.state.n, np.zeros(len(solver.V))
+        refuse_incompatible(self.state, self.parameter, self.along(gaps, closing))
+        opened = self.along(self.machine.residual_forces, closing)[n:]
+        closing[:n] = np.linalg.lstsq(self.machine.bordered(self.state)[n:, :n], opened, rcond=None)[0]
+        return solver.solve(self.along(self.machine.residual_forces, closing))[1]
+
+    def way(self, solver: _Critical | TangentSystem) -> Array:
+        """Direction ``(n + r,)`` in which the state follows."""
+        return self.machine.answer(solver, lambda way: self.along(self.machine.residual_forces, way))
+
+
+# --- Events of a path on which the whole pose of the end is imposed -----------------------------------------------
+
+KINK = "two modes become unstable together: which of them is first has a kink here"
+
+
+@dataclass(frozen=True)
+class EventRates:
+    """How the critical point of a path moves with p parameters.
+
+    Attributes:
+        force: derivatives ``(p,)`` of the driven force, N (N mm for a driven rotation) per unit of each parameter.
+        s: derivatives ``(p,)`` of the displacement, mm (rad).
+        reasons: why there is no derivative, which then is nan; empty where there is one.
+    """
+
+    force: Array
+    s: Array
+    reasons: tuple[str, ...]
+
+
+def event_rates(asked: Question, path: Path, parameters: Sequence[Parameter], unloaded: Array) -> EventRates:
+    """How the critical point of a path moves with parameters, of a machine of any kind.
+
+    At a bifurcation there is a derivative by what keeps the symmetry that lets two branches cross. What breaks it
+    breaks the bifurcation up: the load at which the path turns aside changes by its power 2/3.
+
+    Args:
+        asked: the machine of the path in its posture, its end held.
+        path: of a ramp of the whole imposed pose, with an event.
+        parameters: of the machine.
+        unloaded: derivatives ``(p,)`` of the stiffness along the ramp without load, of which a knee has the half.
+
+    Raises:
+        ValueError: the load case is another one, or the event has no state.
+        numpy.linalg.LinAlgError: a limit or a knee is critical for an end that is held, too.
+    """
+    case, event, model = path.load_case, path.critical, asked.model
+    if not case.pose_only:
+        raise ValueError(
+            "derivatives are of ramps of the whole imposed pose only: no loads, free components, imperfections "
+            "or other control than the ramp"
+        )
+    if event is None or event.point is None:
+        raise ValueError(f"posture {case.posture}: the path has no critical point with a state")
+    x = event.point.state[: model.size + 6]
+    state = placed(asked, x, case.displacement(event.s))
+    machine = _HeldMachine(
+        asked, model, asked.model.configuration(model.chain.posture(case.posture)), state.scale,
+        state.combinations, case.displacement(event.s),
+    )  # fmt: skip
+    bifurcates, size = event.kind is EventKind.BIFURCATION, 0.0
+    solver: _Critical | TangentSystem
+    if bifurcates:
+        solver = _Critical(machine, state, *_null(machine, state, 1))
+        rates = _rates(machine, x, 1.0, solver)
+        if (symmetric := _symmetric(machine, x, 1.0, solver, rates)) is not None:
+            x, state, solver = symmetric
+            rates = _rates(machine, x, 1.0, solver)
+        V, W, size = solver.V, solver.W, rates.size
+    else:
+        solver = state.solver
+        ramp = machine.along(x, 1.0, np.zeros(len(machine.scale)), 1.0, machine.residual_forces)[:, None]
+        V, W = solver.solve(ramp)[0] / event.s, solver.solve(ramp, transposed=True)[0] / event.s
+    follows = machine.answer(solver, lambda way: machine.along(x, 1.0, way, 1.0, machine.residual_forces))
+    stiffness = machine.stiffness(W, V)
+    softening = float(machine.along(x, 1.0, follows, 1.0, stiffness)[0])
+    force, s = (np.full(len(parameters), np.nan) for _ in range(2))
+    reasons = [""] * len(parameters)
+    for i, parameter in enumerate(parameters):
+        change = _ByParameter(machine, state, x, parameter)
+        try:
+            if isinstance(solver, _Critical):
+                share = float(np.abs(change.unreached(solver)).max()) * parameter.scale / size
+                if event.multiplicity > 1 or share > SYMMETRIC:
+                    reasons[i] = KINK if event.multiplicity > 1 else _breaks(share)
+                    continue
+            way = change.way(solver)
+        except ValueError as error:
+            reasons[i] = " ".join(str(error).split())
+            continue
+        softened = float(change.along(stiffness, way)[0])
+        if event.kind is EventKind.STIFFNESS_KNEE:
+            softened -= 0.5 * unloaded[i]
+        grown = -softened / softening
+        s[i] = event.s * grown
+        force[i] = case.direction @ machine.held_by(way + grown * follows)
+    return EventRates(force, s, tuple(reasons))
+
+
+def _breaks(share: float) -> str:
+    return f"breaks the symmetry: by its scale it loads the mode with {share:.1e} of the ramp's load"

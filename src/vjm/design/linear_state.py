@@ -105,6 +105,12 @@ class Question:
         """The machine in the posture with the engine's springs."""
         return self.engine.model(self.machine.at(self.posture))
 
+    @cached_property
+    def drawn_end(self) -> Array:
+        """Frame ``(4, 4)`` of the end frame as drawn, from which displacements count."""
+        drawn = self.model.kinematics(self.model.configuration(self.model.chain.posture(self.posture)))
+        return self.model.at_point(drawn, *self.model.find(self.end, 1.0)).end
+
     @property
     def acting(self) -> tuple[Load, ...]:
         """All wrenches but weight, that on the end among them."""

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from enum import StrEnum
 from functools import cached_property
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, assert_never
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias, assert_never
 
 import numpy as np
 from scipy.linalg import LinAlgError, cholesky, eig, eigh, solve, solve_triangular
@@ -41,40 +41,22 @@ GAUSS = np.polynomial.legendre.leggauss(4)
 """Points and weights that integrate squares of cubic shapes exactly."""
 
 
-class MovingState(Protocol):
-    """A machine whose points move with some coordinates; see `vjm.design.linear_state.LinearState`."""
-
-    @property
-    def model(self) -> Mechanism:
-        """Its springs and joints."""
-
-    @property
-    def kinematics(self) -> Kinematics:
-        """Where it stands."""
-
-    @property
-    def n(self) -> int:
-        """Number of coordinates."""
-
-    def at(self, joint: int, offset: Array) -> Kinematics:
-        """A point behind a joint, with its motion by the coordinates."""
-
-    def point_jacobians(self, joints: np.ndarray, offsets: Array) -> Array:
-        """Motions ``(k, 6, n)`` by the coordinates of points ``(k, 3)`` mm behind joints ``(k,)``."""
-
-
 @dataclass(frozen=True)
-class AlongMotion:
-    """A machine that moves with one motion of its coordinates, which is its only one.
+class AlongMotions:
+    """A machine that moves with some motions of its coordinates, which are its only ones.
 
     Attributes:
         state: of the machine.
-        motion: ``(n,)`` of its coordinates.
+        motions: ``(n, k)`` of its coordinates.
     """
 
     state: LinearState
-    motion: Array
-    n: int = 1
+    motions: Array
+
+    @property
+    def n(self) -> int:
+        """Number of the motions."""
+        return self.motions.shape[1]
 
     @property
     def model(self) -> Mechanism:
@@ -88,31 +70,33 @@ class AlongMotion:
 
     @cached_property
     def _twists(self) -> Array:
-        """Velocity at the origin and turning ``(m + 1, 6)`` of the base and of what is behind each joint."""
+        """Velocity at the origin and turning ``(m + 1, k, 6)`` of the base and of what is behind each joint."""
         k, model = self.kinematics, self.model
-        padded = np.concatenate([self.motion, np.zeros(model.size - len(self.motion))])
-        rates = k.drive.joints(padded)[:, None]
+        rates = np.array([k.drive.joints(_padded(self.state, motion)) for motion in self.motions.T]).T
         turning = model.joint_rotary[:, None]
-        shifts = np.where(turning, cross(k.behind[1:, :3, 3], k.axes), k.axes) * rates
-        own = np.concatenate([shifts, np.where(turning, k.axes, 0.0) * rates], axis=1)
-        result = np.zeros((len(own) + 1, 6))
+        shifts = np.where(turning, cross(k.behind[1:, :3, 3], k.axes), k.axes)
+        own = np.concatenate([shifts, np.where(turning, k.axes, 0.0)], axis=1)[:, None] * rates[:, :, None]
+        result = np.zeros((len(own) + 1, self.n, 6))
         for joint, before in enumerate(model.parent):
             result[joint + 1] = result[before + 1] + own[joint]
         return result
 
     def at(self, joint: int, offset: Array) -> Kinematics:
-        """A point ``offset`` (3,) mm behind a joint, −1 for the ground, with its velocity ``(6, 1)``."""
+        """A point ``offset`` (3,) mm behind a joint, −1 for the ground, with its velocities ``(6, k)``."""
         end = self.kinematics.behind[joint + 1] @ translation(offset)
-        twist = self._twists[joint + 1]
-        velocity = np.concatenate([twist[:3] + cross(twist[3:], end[:3, 3]), twist[3:]])
-        return replace(self.kinematics, end=end, jacobian=velocity[:, None])
+        (velocities,) = self.point_jacobians(np.array([joint]), offset[None])
+        return replace(self.kinematics, end=end, jacobian=velocities)
 
     def point_jacobians(self, joints: np.ndarray, offsets: Array) -> Array:
-        """Velocities ``(k, 6, 1)`` of points ``(k, 3)`` mm behind joints ``(k,)``."""
+        """Velocities ``(p, 6, k)`` of points ``(p, 3)`` mm behind joints ``(p,)``."""
         behind, twists = self.kinematics.behind[joints + 1], self._twists[joints + 1]
-        places = (behind[:, :3, :3] @ offsets[:, :, None])[:, :, 0] + behind[:, :3, 3]
-        velocities = twists[:, :3] + cross(twists[:, 3:], places)
-        return np.concatenate([velocities, twists[:, 3:]], axis=1)[:, :, None]
+        places = (behind[:, :3, :3] @ offsets[:, :, None])[:, None, :, 0] + behind[:, None, :3, 3]
+        shifts = twists[..., :3] + cross(twists[..., 3:], places)
+        return np.concatenate([shifts, twists[..., 3:]], axis=2).swapaxes(1, 2)
+
+
+MovingState: TypeAlias = LinearState | AlongMotions
+"""A machine whose points move with some coordinates."""
 
 
 def shapes(section: Section | None, length: float, share: float) -> Array:
@@ -599,35 +583,28 @@ def frequency_rates(state: LinearState, parameters: Sequence[Parameter], values:
     bears = inverse.T @ (state.unit[:, None] * (lam * (M @ phi) - A @ phi))
     result = np.zeros((len(lam), len(parameters)))
     for j, parameter in enumerate(parameters):
-        dA, dM, dC = _matrices(state, parameter)
+        dA, dM, dC = _matrices(state, parameter, phi)
         for own in groups:
-            P, mean = phi[:, own], float(lam[own].mean())
+            mean = float(lam[own].mean())
             # a motion that leaves what the closures allow is brought back
-            back = -state.unit[:, None] * (inverse @ (dC @ P))
-            B = P.T @ (dA - mean * dM) @ P + P.T @ (A - mean * M) @ back + bears[:, own].T @ (dC @ P)
+            back = -state.unit[:, None] * (inverse @ dC[:, own])
+            B = (dA - mean * dM)[np.ix_(own, own)] + phi[:, own].T @ (A - mean * M) @ back
+            B += bears[:, own].T @ dC[:, own]
             result[own, j] = np.linalg.eigvalsh(0.5 * (B + B.T)) if len(own) > 1 else B[0]
     return result * MM_PER_M / (8.0 * np.pi**2 * (np.sqrt(values) / (2.0 * np.pi)))[:, None]
 
 
-def _matrices(state: LinearState, parameter: Parameter) -> tuple[Array, Array, Array]:
-    """Total derivatives of tangent ``(n, n)``, mass matrix ``(n, n)`` and independent constraints ``(r, n)``."""
-    n, known = state.n, dict[tuple[float, bytes], LinearState]()
-
-    def machine(step: float, x: Array) -> LinearState:
-        # a machine without loads stays where it is, and is made once for each step
-        key = step, x.tobytes()
-        if key not in known:
-            known[key] = changed(state, parameter, parameter.value + step, x)
-        return known[key]
-
-    rate = state_rate(state, parameter, machine)
+def _matrices(state: LinearState, parameter: Parameter, motions: Array) -> tuple[Array, Array, Array]:
+    """Total derivatives, on k motions, of tangent ``(k, k)``, mass matrix ``(k, k)`` and constraints ``(r, k)``."""
+    k, rate = motions.shape[1], state_rate(state, parameter)
 
     def matrices(step: float) -> Array:
-        moved = machine(step, state.x + step * rate)
-        return np.vstack([moved.tangent, mass_matrix(moved), moved.rows(state.combinations)])
+        moved = changed(state, parameter, parameter.value + step, state.x + step * rate)
+        tangent, rows = motions.T @ moved.tangent @ motions, moved.rows(state.combinations) @ motions
+        return np.vstack([tangent, mass_matrix(AlongMotions(moved, motions)), rows])
 
     rows = difference(matrices, STEP * parameter.scale)
-    return rows[:n], rows[n : 2 * n], rows[2 * n :]
+    return rows[:k], rows[k : 2 * k], rows[2 * k :]
 
 
 GROWING = 1e-6

@@ -12,7 +12,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias, assert_never
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 import numpy as np
 from scipy.optimize import Bounds, NonlinearConstraint, minimize
@@ -130,13 +130,7 @@ def _twice(space: DesignSpace) -> VjmEngine:
 
 
 def _by_elements(asked: Question, of: AskedQuantity, number: int, factor: float) -> float:
-    """A quantity of a machine by finite elements.
-
-    Args:
-        asked: the machine, and what is done to it.
-        of: the quantity.
-        number: of elements in each beam.
-        factor: near which a critical load is looked for.
+    """A quantity by a number of finite elements in each beam; a critical load is looked for near a factor.
 
     Raises:
         ValueError: they do not give it.
@@ -145,18 +139,12 @@ def _by_elements(asked: Question, of: AskedQuantity, number: int, factor: float)
     """
     if asked.end:
         raise ValueError(f"finite elements give the end-effector behind the last part, not end frame '{asked.end}'")
+    if of.quantity is DesignQuantity.FREQUENCY:
+        raise ValueError("finite elements give no frequencies")
+    if of.quantity in UNLOADED:
+        raise ValueError(f"finite elements give no {of.quantity}")
     loads = tuple(replace(load, ramped=True) for load in asked.acting)
-    match of.quantity:
-        case DesignQuantity.DEFLECTION | DesignQuantity.STIFFNESS:
-            to = 1.0
-        case DesignQuantity.CRITICAL:
-            to = FURTHER * factor
-        case DesignQuantity.FREQUENCY:
-            raise ValueError("finite elements give no frequencies")
-        case DesignQuantity.MASS | DesignQuantity.REACH | DesignQuantity.COST:
-            raise ValueError(f"finite elements give no {of.quantity}")
-        case _:
-            assert_never(of.quantity)
+    to = FURTHER * factor if of.quantity is DesignQuantity.CRITICAL else 1.0
     if not loads and asked.gravity is None:
         loads = (NO_LOAD,)
     case = LoadCase(asked.posture, to, LOAD, free=COMPONENTS, loads=loads, gravity=asked.gravity)

@@ -20,7 +20,7 @@ from scipy.optimize import Bounds, brentq, minimize
 from vjm.design.changes import STEP, asked_with, changed, difference, gaps, posed, state_rate
 from vjm.design.critical import critical_derivative, critical_state
 from vjm.design.linear_state import LinearState, Question, question, state_of
-from vjm.design.modes import MM_PER_M, AlongMotion, eigenmodes, mass_matrix, total_mass
+from vjm.design.modes import REAL, eigenmodes, frequency_rates, total_mass
 from vjm.design.space import Designed, LoadCases, design_space
 from vjm.engines import VjmEngine
 from vjm.errors import NoConvergenceError
@@ -175,12 +175,14 @@ class DesignQuantity(StrEnum):
 
 GOALS = {
     DesignQuantity.DEFLECTION: 0.5, DesignQuantity.STIFFNESS: 2.0, DesignQuantity.FREQUENCY: 2.0,
-    DesignQuantity.CRITICAL: 2.0,
-    DesignQuantity.MASS: 0.5,
-    DesignQuantity.REACH: 2.0,
-    DesignQuantity.COST: 0.5,
+    DesignQuantity.CRITICAL: 2.0, DesignQuantity.MASS: 0.5, DesignQuantity.REACH: 2.0, DesignQuantity.COST: 0.5,
 }  # fmt: skip
 """Factor on each quantity that is asked for."""
+UNITS = {
+    DesignQuantity.FREQUENCY: "Hz", DesignQuantity.CRITICAL: "times the load", DesignQuantity.MASS: "kg",
+    DesignQuantity.REACH: "mm", DesignQuantity.COST: "",
+}  # fmt: skip
+"""Of the quantities that have no component."""
 UNLOADED = (DesignQuantity.MASS, DesignQuantity.REACH, DesignQuantity.COST)
 """Quantities that no load and no posture changes."""
 WITHOUT_COMPONENT = (DesignQuantity.CRITICAL, DesignQuantity.FREQUENCY, *UNLOADED)
@@ -290,23 +292,11 @@ def solved(asked: Question) -> LinearState:
 def unit_of(quantity: DesignQuantity, along: str) -> str:
     """Unit of a quantity along a component."""
     shifts = along in COMPONENTS[:3]
-    match quantity:
-        case DesignQuantity.DEFLECTION:
-            return "mm" if shifts else "rad"
-        case DesignQuantity.STIFFNESS:
-            return "N/mm" if shifts else "N mm/rad"
-        case DesignQuantity.FREQUENCY:
-            return "Hz"
-        case DesignQuantity.CRITICAL:
-            return "times the load"
-        case DesignQuantity.MASS:
-            return "kg"
-        case DesignQuantity.REACH:
-            return "mm"
-        case DesignQuantity.COST:
-            return ""
-        case _:
-            assert_never(quantity)
+    by_component = {
+        DesignQuantity.DEFLECTION: "mm" if shifts else "rad",
+        DesignQuantity.STIFFNESS: "N/mm" if shifts else "N mm/rad",
+    }
+    return (UNITS | by_component)[quantity]
 
 
 @single_threaded
@@ -564,29 +554,19 @@ def derivative_at(asked: Question, parameter: Parameter, quantity: DesignQuantit
         return critical_derivative(critical_state(asked), parameter)
     h = STEP * parameter.scale
     if quantity in UNLOADED:
-        return float(
-            difference(
-                lambda step: np.array(
-                    [value_at(asked_with(asked, parameter, parameter.value + step), quantity, along)]
-                ),
-                h,
-            )[0]
-        )
+
+        def unloaded(step: float) -> Array:
+            return np.array([value_at(asked_with(asked, parameter, parameter.value + step), quantity, along)])
+
+        return float(difference(unloaded, h)[0])
     base = solved(asked)
+    if quantity is DesignQuantity.FREQUENCY and (lowest := _lowest(base)) is not None:
+        return float(frequency_rates(base, [parameter], *lowest).mean())
     rate = state_rate(base, parameter)
 
     def value(step: float, x: Array) -> Array:
         return np.array([value_of(changed(base, parameter, parameter.value + step, x), quantity, along)])
 
-    motion = _lowest(base) if quantity is DesignQuantity.FREQUENCY else None
-    if motion is not None:
-        # a quotient that is stationary at the motion: its rate is the eigenvalue's, and none is solved for anew
-        squared = float(_quotient(base, motion)[0])
-        by_parameter = difference(
-            lambda step: _quotient(changed(base, parameter, parameter.value + step, base.x + step * rate), motion),
-            h,
-        )
-        return float(by_parameter[0]) / (2.0 * np.sqrt(squared)) / (2.0 * np.pi)
     if quantity is DesignQuantity.DEFLECTION and along in COMPONENTS[:3]:
         # differences of the end's place would lose a small shift in the rounding of large lengths
         moves = float(base.jacobian[COMPONENTS.index(along)] @ rate[: base.n])
@@ -606,21 +586,13 @@ def _moves(asked: Question, parameter: Parameter) -> bool:
 
 
 @lru_cache(maxsize=KEPT)
-def _lowest(base: LinearState) -> Array | None:
-    """The motion ``(n,)`` of the lowest frequency; None where it is not the only one, or closures hold it."""
-    if not base.conservative or base.constraints.size:
+def _lowest(base: LinearState) -> tuple[Array, Array] | None:
+    """Values ``(k,)`` and motions ``(n, k)`` of the lowest frequency; None where it has no rate of its own."""
+    values, motions = eigenmodes(base, 2) if base.conservative else (np.zeros(1), np.zeros(1))
+    if values[0] <= 0.0:
         return None
-    values, motions = eigenmodes(base, 2)
-    if values[0] <= 0.0 or (len(values) > 1 and values[1] - values[0] <= APART * values[1]):
-        return None
-    result: Array = motions[:, 0]
-    return result
-
-
-def _quotient(state: LinearState, motion: Array) -> Array:
-    """Rayleigh's quotient ``(1,)`` of a motion, 1/s²."""
-    heavy = float(mass_matrix(AlongMotion(state, motion))[0, 0])
-    return np.array([MM_PER_M * float(motion @ state.tangent @ motion) / heavy])
+    equal = values <= values[0] * (1.0 + REAL)
+    return values[equal], motions[:, equal]
 
 
 def _at(asked: Question, parameter: Parameter, quantity: DesignQuantity, along: str, value: float) -> float:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
 
@@ -178,12 +178,24 @@ class Sweep(Outcome):
         ]
 
 
+class KeptMachines(Protocol):
+    """What a sweep knows of its machines from before, and keeps of those that it computes."""
+
+    def find(self, row: Array) -> tuple[Array, list[str]] | None:
+        """Quantities ``(c, q)`` of the machine of values ``(k,)``, and why there are none; None where unknown."""
+
+    def keep(self, row: Array, values: Array, why: list[str]) -> None:
+        """Keep those of a machine that was computed."""
+
+
 def swept(
     space: DesignSpace,
     rows: Array,
     quantities: Sequence[AskedQuantity],
     jobs: int = 1,
     progress: Progress | None = None,
+    kept: KeptMachines | None = None,
+    compute: Callable[..., object] = map_all,
 ) -> Sweep:
     """Quantities of machines with other numbers.
 
@@ -193,32 +205,36 @@ def swept(
         quantities: what is asked for.
         jobs: processes.
         progress: called with how many machines are done, and of how many.
-    """
-    tasks = tasks_of(space, rows, quantities)
-    done = 0
-
-    def tell(index: int, _: object) -> None:
-        nonlocal done
-        done += len(tasks[index].rows)
-        if progress is not None:
-            progress(done, len(rows))
-
-    results = map_all(evaluated, tasks, min(jobs, len(tasks)), done=tell)
-    values = np.concatenate([values for values, _ in results])
-    return Sweep(space, tuple(quantities), rows, values, [each for _, why in results for each in why])
-
-
-def tasks_of(space: DesignSpace, rows: Array, quantities: Sequence[AskedQuantity]) -> list[SweepTask]:
-    """The machines of a sweep in pieces, in order.
+        kept: machines that are known; they are not computed again.
+        compute: does all tasks, as `vjm.batch.map_all` does, perhaps elsewhere.
 
     Raises:
         ValueError: a cost is asked for, and no formula says it.
     """
     if space.price is None and any(each.quantity is DesignQuantity.COST for each in quantities):
         raise ValueError(NO_COST)
-    return [
-        SweepTask(space, rows[i : i + AT_ONCE], tuple(quantities)) for i in range(0, len(rows), AT_ONCE)
-    ]  # fmt: skip
+    values = np.full((len(rows), len(space.cases), len(quantities)), np.nan)
+    why, todo, done = [[""] * len(space.cases) for _ in rows], list[int](), 0
+    for i, row in enumerate(rows):
+        known = None if kept is None else kept.find(row)
+        if known is None:
+            todo.append(i)
+        else:
+            values[i], why[i] = known
+    parcels = [todo[i : i + AT_ONCE] for i in range(0, len(todo), AT_ONCE)]
+
+    def finish(index: int, result: tuple[Array, list[list[str]]]) -> None:
+        nonlocal done
+        for i, machine_values, said in zip(parcels[index], *result, strict=True):
+            values[i], why[i] = machine_values, said
+            if kept is not None:
+                kept.keep(rows[i], machine_values, said)
+        done += len(parcels[index])
+        if progress is not None:
+            progress(done, len(todo))
+
+    compute(evaluated, [SweepTask(space, rows[own], tuple(quantities)) for own in parcels], jobs, done=finish)
+    return Sweep(space, tuple(quantities), rows, values, why)
 
 
 def sweep(

@@ -12,6 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from vjm.continuation.path import Path
+from vjm.design.critical import event_rates
+from vjm.design.linear_state import question
 from vjm.engines import VjmEngine
 from vjm.errors import NoConvergenceError
 from vjm.model.load_case import COMPONENTS, Direction, LoadCase, ramp_end
@@ -19,7 +21,6 @@ from vjm.model.machine import Machine
 from vjm.model.parameters import Parameter, compliance_entry, section_value
 from vjm.plain_numbers import plain_number
 from vjm.rotations import Array
-from vjm.sensitivity import NOT_SERIAL, by_posture
 from vjm_updating.calibration.document import ProposedRampRow
 from vjm_updating.calibration.fit import CalibrationSolution
 from vjm_updating.calibration.parameters import split_parts, unknowns
@@ -85,28 +86,24 @@ def paths_of(chain: Machine, engine: VjmEngine) -> dict[tuple[str, Direction], P
 
 def predicted(chain: Machine, engine: VjmEngine, parameters: Sequence[Parameter]) -> list[Predicted]:
     """Every figure of every path of a chain, with its derivatives by the parameters."""
-    sensitivity = by_posture(engine, chain, parameters)
     result, nothing = [], ("",) * len(parameters)
     paths = paths_of(chain, engine)
-    K0 = {posture: _unloaded_slopes(chain, engine, posture, parameters) for posture, _ in paths}
+    asked = {posture: question(chain, posture, displacement=(0.0,) * 6, engine=engine) for posture, _ in paths}
+    K0 = {posture: _unloaded_slopes(chain, engine, posture, parameters) for posture in asked}
     for (posture, direction), path in paths.items():
         result.append(Predicted(posture, direction, "K0", "", path.points[0].tangent, K0[posture], nothing))
         if path.critical is None:
             continue
-        if chain.is_tree:
-            unknown = np.full(len(parameters), np.nan)
-            by_force, by_s, reasons = unknown, unknown, (NOT_SERIAL,) * len(parameters)
-        else:
-            try:
-                derivatives = sensitivity(posture).critical(path)[0]
-            except (ValueError, np.linalg.LinAlgError):
-                continue
-            by_force, by_s, reasons = derivatives.force, derivatives.s, derivatives.reasons
+        try:
+            rates = event_rates(asked[posture], path, parameters, K0[posture])
+        except (ValueError, np.linalg.LinAlgError):
+            continue
         for quantity, value, slope in (
-            ("F_cr", path.critical.force, by_force),
-            ("d_cr", path.critical.s, by_s),
+            ("F_cr", path.critical.force, rates.force),
+            ("d_cr", path.critical.s, rates.s),
         ):
-            result.append(Predicted(posture, direction, quantity, str(path.critical.kind), value, slope, reasons))
+            kind = str(path.critical.kind)
+            result.append(Predicted(posture, direction, quantity, kind, value, slope, rates.reasons))
     return result
 
 

@@ -131,7 +131,7 @@ class Unknowns:
         return chain
 
     def sensitivity_parameters(self, z: Array) -> list[Parameter]:
-        """The coordinates that change the chain, at ``z`` (n,), as `vjm.sensitivity` takes them."""
+        """The coordinates that change the chain, at ``z`` (n,), as `vjm.design.critical.event_rates` takes them."""
 
         def parameter(i: int) -> Parameter:
             def apply(_: Machine, value: float) -> Machine:

@@ -88,6 +88,27 @@ def on_cluster(
             yield futures[future], result
 
 
+def compute_all(
+    function: Callable[[Item], Result],
+    tasks: Sequence[Item],
+    jobs: int = 1,
+    scheduler: str = "",
+    *,
+    done: Callable[[int, Result], None],
+) -> None:
+    """Do all tasks, over processes or by a cluster; ``done`` takes the index and the result of each as it finishes.
+
+    Raises:
+        ImportError: as `on_cluster`.
+        ValueError: likewise.
+    """
+    if not scheduler:
+        map_all(function, tasks, jobs, done=done)
+        return
+    for index, result in on_cluster(function, tasks, scheduler):
+        done(index, result)
+
+
 # --- The JSON files of a map's folder -----------------------------------------------------------------------------
 
 
@@ -340,14 +361,10 @@ def run_map(
             missing.append(task)
         else:
             finish(rows)
-    if scheduler:
-        for _, rows in on_cluster(evaluate, missing, scheduler):
-            keep(rows)
-    elif missing:
-        if jobs > 1:
-            # compiled here once, or every process would do it
-            evaluate(missing[0]._replace(q=missing[0].q[:1]))
-        map_all(evaluate, missing, min(jobs, len(missing)), done=lambda _, rows: keep(rows))
+    if missing and jobs > 1 and not scheduler:
+        # compiled here once, or every process would do it
+        evaluate(missing[0]._replace(q=missing[0].q[:1]))
+    compute_all(evaluate, missing, jobs, scheduler, done=lambda _, rows: keep(rows))
     values = np.full((len(points.why), len(COLUMNS[wanted.setting.quantity])), np.nan)
     why, names = list(points.why), [("", "")] * len(points.why)
     ordered = [rows_by_task[task.number] for task in tasks]

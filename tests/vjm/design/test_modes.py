@@ -10,7 +10,7 @@ from scipy.optimize import brentq
 import vjm
 from vjm.design.changes import posed
 from vjm.design.linear_state import question, state_of
-from vjm.design.modes import AlongMotion, ModesVerdict, eigenmodes, frequency_rates, mass_matrix, modes, total_mass
+from vjm.design.modes import AlongMotions, ModesVerdict, eigenmodes, frequency_rates, mass_matrix, modes, total_mass
 from vjm.engines import VjmEngine
 from vjm.io.file_parameters import MachineFiles
 from vjm.io.model_file import build_chain
@@ -400,10 +400,10 @@ def test_the_mass_of_one_motion_is_that_of_the_matrix(name):
     machine = vjm.load(name)
     parts = (replace(p, rotor=5e4) if isinstance(p, Joint) and not p.fixed else p for p in machine.parts)
     state = state_of(question(replace(machine, parts=tuple(parts)), gravity=(0.0, 0.0, -9.81)))
-    motion = np.random.default_rng(3).normal(size=state.n) * state.unit
-    whole = motion @ mass_matrix(state) @ motion
+    motions = np.random.default_rng(3).normal(size=(state.n, 2)) * state.unit[:, None]
+    whole = motions.T @ mass_matrix(state) @ motions
     # two orders of the same sums
-    assert mass_matrix(AlongMotion(state, motion))[0, 0] == pytest.approx(whole, rel=1e-10)
+    assert mass_matrix(AlongMotions(state, motions)) == pytest.approx(whole, rel=1e-10)
 
 
 # Derivatives of natural frequencies: against differences, and in closed form where modes are equal.

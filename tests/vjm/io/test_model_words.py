@@ -14,6 +14,8 @@ from packaging.version import Version
 import vjm
 from vjm.continuation.arc_length import trace
 from vjm.continuation.lumped_problem import LumpedProblem
+from vjm.design.critical import event_rates
+from vjm.design.linear_state import question
 from vjm.engines import VjmEngine
 from vjm.io.files import toml_text
 from vjm.io.findings import CAUSES, UNTIL, present_causes, present_document
@@ -21,7 +23,6 @@ from vjm.io.joint_tables import CoupledTable
 from vjm.io.model_file import ModelFileError, build_chain, load_chain, read_document
 from vjm.model.load_case import LoadCase
 from vjm.model.parameters import beam_length
-from vjm.sensitivity import wrench_sensitivity
 from vjm_fea.exudyn.engine import ExudynEngine
 from vjm_updating.mechanisms.equilibrium_tables import HalfRay, tabulate
 from vjm_updating.mechanisms.modified_chain import ModifiedChain, bowed
@@ -82,13 +83,24 @@ def test_a_bow_has_its_amplitude():
 
 def test_derivatives_know_the_bow():
     chain = build_chain(changed(ORTHOGLIDE, LINK, bow_mm=[0.4, -0.9]), "m.toml")
-    engine, load_case = VjmEngine(12), LoadCase("B", -1.5, steps=4)
+    engine, load_case = VjmEngine(4), LoadCase("B", -8.5, steps=8)
     length = beam_length(chain, "link")
-    found = wrench_sensitivity(engine, chain, engine.trace(chain, load_case), [length])[-1, :, 0]
-    h = 1e-4 * length.scale
-    above, below = (last(engine.trace(length.apply(chain, length.value + d), load_case)) for d in (h, -h))
-    # differences of whole solutions over 1e-4 of the length
-    assert np.abs(found - (above - below) / (2.0 * h)).max() < 1e-6 * np.abs(found).max()
+    path = engine.trace(chain, load_case)
+    h = 2e-4 * length.scale
+    near, far = (
+        [engine.trace(length.apply(chain, length.value + d), load_case) for d in (step, -step)]
+        for step in (h, 2.0 * h)
+    )
+
+    def slope(of):
+        """By central differences of fourth order."""
+        return (8.0 * (of(near[0]) - of(near[1])) - (of(far[0]) - of(far[1]))) / (12.0 * h)
+
+    asked = question(chain, "B", displacement=np.zeros(6), engine=engine)
+    rates = event_rates(asked, path, [length], np.array([slope(lambda path: path.tangent[0])]))
+    # events are located to 1e-9 of the path, over a step of 2e-4
+    assert rates.force[0] == pytest.approx(slope(lambda path: path.critical.force), rel=1e-5)
+    assert rates.s[0] == pytest.approx(slope(lambda path: path.critical.s), rel=1e-5)
 
 
 def test_one_spring_has_no_shape():

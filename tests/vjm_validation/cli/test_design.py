@@ -13,7 +13,7 @@ import pytest
 from helpers.command import json_of, refused, validate
 
 import vjm
-from vjm_validation.cli import design
+from vjm_updating.maps import run as maps
 from vjm_validation.design_documents import FrontDocument, OptimumDocument, SweepDocument
 from vjm_validation.documents import ModesDocument, SensitivityDocument, StiffnessDocument
 
@@ -375,14 +375,14 @@ distributed = pytest.importorskip("distributed", reason="Dask is an optional ext
 
 @pytest.mark.filterwarnings("ignore")
 def test_a_sweep_by_a_cluster(tmp_path, monkeypatch):
-    done, by_cluster = [], design.on_cluster
+    done, by_cluster = [], maps.on_cluster
 
     def counted(*given):
         for index, result in by_cluster(*given):
             done.append(index)
             yield index, result
 
-    monkeypatch.setattr(design, "on_cluster", counted)
+    monkeypatch.setattr(maps, "on_cluster", counted)
     words = [
         "sweep", "ur10", "--vary", "elbow.compliance_rad_per_Nmm=1e-8:3e-8:3", "--of", "mass,deflection,frequency",
         "--posture", "stretched", "--wrench", "0,0,-100,0,0,0", "--csv",

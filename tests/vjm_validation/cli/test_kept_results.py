@@ -13,12 +13,12 @@ import numpy as np
 import pytest
 from helpers.command import refused, validate
 
+from vjm.design import sweep
 from vjm.io import provenance, solid_provider
 from vjm.io.machine_file import load_model
 from vjm.io.provenance import Provenance
 from vjm.io.solid_compliance import SolidResult
 from vjm_updating.maps import run as maps
-from vjm_validation.cli import design
 
 MODELS, EXAMPLES = files("vjm") / "models", files("vjm_validation") / "examples"
 FOOT = "compliance = [\n  [ 28e-5,"
@@ -115,7 +115,7 @@ def refuse_to_compute(monkeypatch):
         raise AssertionError("computed anew")
 
     monkeypatch.setattr(maps, "evaluate", never)
-    monkeypatch.setattr(design, "evaluated", never)
+    monkeypatch.setattr(sweep, "evaluated", never)
 
 
 def contents(folder):
@@ -157,7 +157,7 @@ def test_a_sweep_that_was_interrupted_equals_one_that_was_not(machine, monkeypat
     whole, csv = validate(*words), machine.parent / "out/sweep.csv"
     rows = csv.read_text()
     csv.unlink()
-    true, calls = design.evaluated, []
+    true, calls = sweep.evaluated, []
 
     def cut_off(task):
         calls.append(task)
@@ -165,7 +165,7 @@ def test_a_sweep_that_was_interrupted_equals_one_that_was_not(machine, monkeypat
             raise KeyboardInterrupt
         return true(task)
 
-    monkeypatch.setattr(design, "evaluated", cut_off)
+    monkeypatch.setattr(sweep, "evaluated", cut_off)
     validate(*words, status=130)
     assert 2 < len(csv.read_text().splitlines()) < len(rows.splitlines())
     assert (validate(*words).out, csv.read_text()) == (whole.out, rows)

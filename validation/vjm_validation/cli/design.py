@@ -13,6 +13,7 @@ import json
 import time
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -20,13 +21,12 @@ import numpy as np
 from cyclopts import Parameter
 
 from vjm import __version__
-from vjm.batch import map_all
 from vjm.design.best_machine import Choices, ParetoFront, best_machine, front_of, objective_of
 from vjm.design.optimum import Optimum, QuantityLimit, limits_of
 from vjm.design.sensitivity import DesignQuantity, sensitivities
 from vjm.design.space import DesignSpace, LoadCases
 from vjm.design.space import design_space as space_of
-from vjm.design.sweep import AskedQuantity, Sweep, asked, evaluated, grid_of, signs, swept, tasks_of
+from vjm.design.sweep import AskedQuantity, asked, grid_of, signs, swept
 from vjm.engines import EngineOptions, VjmEngine, engine_by_name
 from vjm.io.catalogues import catalogue, catalogue_names
 from vjm.io.file_parameters import MachineFiles
@@ -37,7 +37,7 @@ from vjm.io.provenance import Provenance
 from vjm.rotations import Array
 from vjm_output import terminal
 from vjm_output.documents import doubt_rows
-from vjm_updating.maps.run import on_cluster
+from vjm_updating.maps.run import compute_all
 from vjm_validation.cli import INTERRUPTED, NOT_ACCEPTED, OK, UsageError
 from vjm_validation.cli.contents import front_content, optimum_content, sensitivity_content, sweep_content
 from vjm_validation.cli.options import (
@@ -288,66 +288,25 @@ def sweep_(
     )  # fmt: skip
     store = Store(csv, space, made_of, quantities)
     doubts = considered(model, output.strict, weighed=bool(acting.gravity))
+    store.say(grid)
     try:
-        sweep = _computed(space, grid, quantities, store, (workers, scheduler), quiet=output.json)
+        with terminal.progress(quiet=output.json) as progress:
+            sweep = swept(
+                space, grid, quantities, workers, partial(progress, "machines"), store,
+                partial(compute_all, scheduler=scheduler),
+            )  # fmt: skip
     except KeyboardInterrupt:
         where = f"; what is finished is in {csv}: the same command goes on" if csv else ""
         terminal.error(f"interrupted{where}")
         return INTERRUPTED
+    finally:
+        store.write()
     assert space.engine is not None
     document = sweep_document(sweep, machine.name, machine.sha256, space.engine.label, doubt_rows(doubts))
     output.show(document, lambda: sweep_content(document))
     if csv is not None and not output.json:
         terminal.console().print(str(csv), soft_wrap=True)
     return OK
-
-
-def _computed(
-    space: DesignSpace,
-    grid: Array,
-    quantities: list[AskedQuantity],
-    store: Store,
-    how: tuple[int, str],
-    *,
-    quiet: bool,
-) -> Sweep:
-    """The machines of a sweep; those that its CSV has are read."""
-    values = np.full((len(grid), len(space.cases), len(quantities)), np.nan)
-    why = [[""] * len(space.cases) for _ in grid]
-    todo = []
-    for i, row in enumerate(grid):
-        known = store.find(row)
-        if known is None:
-            todo.append(i)
-        else:
-            values[i], why[i] = known
-    store.say(len(grid) - len(todo), grid)
-    tasks = tasks_of(space, grid[todo], quantities)
-    starts = np.cumsum([0, *(len(task.rows) for task in tasks)])
-    jobs, scheduler = how
-    with terminal.progress(quiet=quiet) as progress:
-        done = 0
-
-        def finish(index: int, result: tuple[Array, list[list[str]]]) -> None:
-            nonlocal done
-            own = todo[starts[index] : starts[index + 1]]
-            for i, machine_values, said in zip(own, *result, strict=True):
-                values[i], why[i] = machine_values, said
-                store.keep(grid[i], machine_values, said)
-            store.write_soon()
-            done += len(own)
-            progress("machines", done, len(todo))
-
-        try:
-            if scheduler:
-                for index, result in on_cluster(evaluated, tasks, scheduler):
-                    finish(index, result)
-            elif tasks:
-                map_all(evaluated, tasks, min(jobs, len(tasks)), done=finish)
-        finally:
-            if done:
-                store.write()
-    return Sweep(space, tuple(quantities), grid, values, why)
 
 
 Key = tuple[str, ...]
@@ -373,7 +332,7 @@ class Store:
         self._file, self._space, self._made_of = file, space, made_of
         self._head = [*space.keys, "posture", "wrench", *map(str, quantities), "why"]
         self._rows: dict[Key, Cells] = {}
-        self._due = 0.0
+        self._due, self._changed = 0.0, False
         if file is not None and file.exists():
             self._read(file)
 
@@ -432,21 +391,21 @@ class Store:
         return np.array([quantities for quantities, _ in cells]), [text for _, text in cells]
 
     def keep(self, row: Array, values: Array, why: list[str]) -> None:
-        """Remember a machine, in all its cases."""
+        """Remember a machine, in all its cases, and soon write it."""
         for key, quantities, text in zip(self._keys(row), values, why, strict=True):
             self._rows[key] = quantities.tolist(), text
-
-    def write_soon(self) -> None:
-        """Write the file, but not so often that writing takes more than a tenth of the time."""
+        self._changed = True
+        # not so often that writing takes more than a tenth of the time
         if time.monotonic() > self._due:
             began = time.monotonic()
             self.write()
             self._due = began + max(EVERY_S, 10.0 * (time.monotonic() - began))
 
     def write(self) -> None:
-        """Write the file anew, if there is one: whole or not at all."""
-        if self._file is None:
+        """Write the file anew, if there is one and something is new: whole or not at all."""
+        if self._file is None or not self._changed:
             return
+        self._changed = False
         stream = io.StringIO()
         stream.write(f"# {json.dumps(self._made_of.inputs)}\n")
         table = csv.writer(stream, lineterminator="\n")
@@ -455,8 +414,9 @@ class Store:
             table.writerow([*key, *("" if text else f"{v:.17g}" for v in quantities), text])
         write_whole(self._file, stream.getvalue())
 
-    def say(self, known: int, grid: Array) -> None:
+    def say(self, grid: Array) -> None:
         """Say what the file has already."""
+        known = sum(self.find(row) is not None for row in grid)
         wanted = {key for row in grid for key in self._keys(row)}
         other = sum(key not in wanted for key in self._rows)
         if known == len(grid):
