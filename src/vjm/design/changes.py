@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
-from functools import lru_cache, partial
+from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
+from typing import TypeAlias
 
 import numpy as np
 
@@ -24,6 +25,8 @@ CORRECTIONS = 2
 KEPT = 64
 """Changed machines that are remembered: four for each of a dozen parameters, with some to spare."""
 
+Solve: TypeAlias = Callable[[Array], tuple[Array, Array]]
+
 
 def difference(function: Callable[[float], Array], h: float) -> Array:
     """Derivative at zero of what a function gives, by two central differences; zero for no step.
@@ -37,27 +40,6 @@ def difference(function: Callable[[float], Array], h: float) -> Array:
     wide, narrow = ((function(s) - function(-s)) / (2.0 * s) for s in (h, 0.5 * h))
     result: Array = (4.0 * narrow - wide) / 3.0
     return result
-
-
-def response(
-    missing: Callable[[Array], Array], solve: Callable[[Array], Array], coordinates: int, size: int
-) -> Array:
-    """The rate of a state that stays an equilibrium while something changes.
-
-    The tangent is the derivative of the forces along motions that keep loops closed. Where a change opens them,
-    what is missing to an equilibrium along the rate that was found is asked for again.
-
-    Args:
-        missing: forces and gaps ``(m,)`` that a rate leaves.
-        solve: rate that brings forces and gaps about.
-        coordinates: number of forces, before the gaps.
-        size: of a rate.
-    """
-    first = missing(np.zeros(size))
-    rate = solve(first)
-    for _ in range(CORRECTIONS if np.any(first[coordinates:]) else 0):
-        rate = rate + solve(missing(rate))
-    return rate
 
 
 def placed(asked: Question, x: Array, moved: Array | None = None) -> LinearState:
@@ -123,25 +105,106 @@ def gaps(state: LinearState) -> Array:
     return np.concatenate(residuals) if residuals else np.zeros(0)
 
 
+@dataclass(frozen=True)
+class Directions:
+    """Directions ``(n + r,)`` in which states near one of a machine move, scaled as its solver's answers are.
+
+    Attributes:
+        base: the state, of n coordinates, whose closures hold r independent rows.
+    """
+
+    base: LinearState
+
+    @property
+    def zero(self) -> Array:
+        """No motion ``(n + r,)``."""
+        return np.zeros(len(self.base.scale))
+
+    def moved(self, x: Array, way: Array) -> Array:
+        """The state moved along a direction; what the closures bear has the other sign in it."""
+        step = self.base.scale * way
+        return x + np.concatenate([step[: self.base.n], -self.base.combinations @ step[self.base.n :]])
+
+    def scaled(self, forces: Array, missed: Array) -> Array:
+        """What a state lacks ``(n + r,)``, from forces ``(n,)`` and what its closures miss ``(c,)``."""
+        return self.base.scale * np.concatenate([forces, -self.base.combinations.T @ missed])
+
+    def lacks(self, state: LinearState) -> Array:
+        """What a state lacks to be an equilibrium ``(n + r,)``, scaled."""
+        return self.scaled(residual_forces(state), gaps(state))
+
+    def followed(self, solve: Solve, missing: Callable[[Array], Array], first: Array) -> Array:
+        """The direction in which a state stays an equilibrium while something changes.
+
+        The tangent is the derivative of the forces along motions that keep loops closed. Where a change opens them,
+        what is missing to an equilibrium along the direction that was found is asked for again.
+
+        Args:
+            solve: direction that brings about what is missing, and what of that the tangent does not reach.
+            missing: what a direction leaves missing ``(n + r,)``.
+            first: what no motion leaves missing.
+        """
+        base, way = self.base, solve(first)[0]
+        for _ in range(CORRECTIONS if base.model.size > base.n and np.any(first[base.n :]) else 0):
+            way = way + solve(missing(way))[0]
+        return way
+
+
+@dataclass(frozen=True)
+class ByParameter:
+    """Derivatives by a parameter at a state.
+
+    Attributes:
+        directions: of states near it.
+        state: what is differentiated at.
+        x: its vector, see `placed`.
+        parameter: of its machine.
+    """
+
+    directions: Directions
+    state: LinearState
+    x: Array
+    parameter: Parameter
+
+    def along(self, of: Callable[[LinearState], Array], way: Array) -> Array:
+        """Of something, the state moving along a direction ``(n + r,)`` per unit of the parameter."""
+        value, moved = self.parameter.value, self.directions.moved
+        return difference(
+            lambda h: of(changed(self.state, self.parameter, value + h, moved(self.x, h * way))),
+            STEP * self.parameter.scale,
+        )
+
+    def missing(self, way: Array) -> Array:
+        """What the parameter leaves missing ``(n + r,)`` along a direction.
+
+        Raises:
+            ValueError: it opens closed loops that no motion closes.
+        """
+        both = self.along(lambda state: np.concatenate([residual_forces(state), gaps(state)]), way)
+        forces, missed = both[: self.state.n], both[self.state.n :]
+        refuse_incompatible(self.directions.base, self.parameter, missed)
+        return self.directions.scaled(forces, missed)
+
+    @cached_property
+    def first(self) -> Array:
+        """What it leaves missing where the state does not move."""
+        return self.missing(self.directions.zero)
+
+    def way(self, solve: Solve) -> Array:
+        """Direction ``(n + r,)`` in which the state follows."""
+        return self.directions.followed(solve, self.missing, self.first)
+
+
 def state_rate(base: LinearState, parameter: Parameter) -> Array:
     """Derivative ``(size,)`` of a state that stays an equilibrium, by a parameter.
 
     Raises:
-        ValueError: the parameter changes which springs the machine has.
+        ValueError: the parameter changes which springs the machine has, or opens its loops.
     """
-    if parameter in base.rates:
-        return base.rates[parameter]
-
-    def missing(rate: Array) -> Array:
-        def lacks(step: float) -> Array:
-            moved = changed(base, parameter, parameter.value + step, base.x + step * rate)
-            return np.concatenate([residual_forces(moved), -gaps(moved)])
-
-        lacking = difference(lacks, STEP * parameter.scale)
-        refuse_incompatible(base, parameter, -lacking[base.n :])
-        return lacking
-
-    base.rates[parameter] = response(missing, partial(_rate, base), base.n, len(base.x))
+    if parameter not in base.rates:
+        directions = Directions(base)
+        way = ByParameter(directions, base, base.x, parameter).way(base.solver.solve)
+        base.rates[parameter] = directions.moved(np.zeros_like(base.x), way)
     return base.rates[parameter]
 
 
@@ -161,10 +224,3 @@ def refuse_incompatible(base: LinearState, parameter: Parameter, gaps: Array) ->
             f"parameter '{parameter.name}' opens closed loops that hold some directions more than once: with "
             f"another value of it alone the machine cannot be assembled"
         )
-
-
-def _rate(base: LinearState, right: Array) -> Array:
-    """Change ``(size,)`` of the coordinates and the closures' wrenches, from the right side ``(size,)``."""
-    n = base.n
-    motion, held_by, _ = base.respond(base.solver, right[:n, None], right[n:, None])
-    return np.concatenate([motion[:, 0], -held_by[:, 0]])

@@ -21,16 +21,7 @@ import numpy as np
 from scipy.linalg import eigvals
 
 from vjm.continuation.path import EventKind, Path
-from vjm.design.changes import (
-    STEP,
-    changed,
-    difference,
-    gaps,
-    placed,
-    refuse_incompatible,
-    residual_forces,
-    response,
-)
+from vjm.design.changes import ByParameter, Directions, difference, placed
 from vjm.design.linear_state import LinearState, Question, TangentSystem, loading, state_of
 from vjm.design.modes import REAL
 from vjm.errors import NoConvergenceError
@@ -61,22 +52,21 @@ SYMMETRIC = 1e-6
 
 
 @dataclass(frozen=True)
-class _LoadedMachine:
-    """A machine whose state and loads are moved about; directions are ``(n + r,)``, scaled.
+class _LoadedMachine(Directions):
+    """A machine whose state and loads are moved about.
 
     Attributes:
         asked: with the loads in full.
-        model: its springs.
         x0: ``(size,)`` unloaded.
-        scale: ``(n + r,)`` of the coordinates and of the r independent rows of what closures hold.
-        combinations: ``(c, r)`` of what closures hold that are independent.
     """
 
     asked: Question
-    model: Mechanism
     x0: Array
-    scale: Array
-    combinations: Array
+
+    @property
+    def model(self) -> Mechanism:
+        """Its springs."""
+        return self.base.model
 
     @cached_property
     def load_size(self) -> float:
@@ -84,52 +74,36 @@ class _LoadedMachine:
         length = self.model.characteristic_length
         wrenches = np.array([load.wrench for load in self.asked.acting]).reshape(-1, 6)
         size = np.sum(np.linalg.norm(wrenches * np.repeat([length, 1.0], 3), axis=1))
-        n = self.model.coordinates
-        return float(size * np.max(self.scale[:n] / self.model.coordinate_scale[:n]))
+        return float(size * np.max(self.base.unit / self.model.coordinate_scale[: self.base.n]))
 
     def at(self, x: Array, factor: float) -> LinearState:
         asked = under(self.asked, factor)
         return LinearState(asked, self.model, x, np.zeros(6), loading(asked, self.model, self.x0), np.zeros(6))
 
-    def moved(self, x: Array, way: Array) -> Array:
-        """The state moved along a direction; what the closures bear has the other sign in it."""
-        n = self.model.coordinates
-        step = self.scale * way
-        return x + np.concatenate([step[:n], -self.combinations @ step[n:]])
-
     def bordered(self, state: LinearState) -> Array:
         """Tangent ``(n + r, n + r)`` with the closures' derivative, scaled."""
-        return state.bordered(state.tangent, self.combinations, self.scale)
+        return state.bordered(state.tangent, self.base.combinations, self.base.scale)
 
     def stiffness(self, W: Array, V: Array) -> Callable[[LinearState], Array]:
         """Mean ``(1,)`` of ``wᵀ B v`` over directions ``(n + r, k)``, of a state."""
-        n, (w, v) = self.model.coordinates, (self.scale[:, None] * each for each in (W, V))
+        n, (w, v) = self.base.n, (self.base.scale[:, None] * each for each in (W, V))
 
         def mean(state: LinearState) -> Array:
-            rows = state.rows(self.combinations)
+            rows = state.rows(self.base.combinations)
             held = np.sum((rows @ w[:n]) * v[n:]) + np.sum(w[n:] * (rows @ v[:n]))
             return np.array([np.sum(w[:n] * (state.tangent @ v[:n])) + held]) / V.shape[1]
 
         return mean
 
-    def residual_forces(self, state: LinearState) -> Array:
-        """What a state lacks to be an equilibrium ``(n + r,)``, scaled."""
-        return self.scale * np.concatenate([residual_forces(state), -self.combinations.T @ gaps(state)])
-
     def bordering(self, motions: Array) -> Array:
         """Motions ``(n, k)`` as directions ``(n + r, k)``, scaled."""
-        n = self.model.coordinates
-        rest = np.zeros((len(self.scale) - n, motions.shape[1]))
-        return np.vstack([motions / self.scale[:n, None], rest])
-
-    def answer(self, solver: _Critical | TangentSystem, missing: Callable[[Array], Array]) -> Array:
-        """Direction ``(n + r,)`` in which the state follows a change, see `vjm.design.changes.response`."""
-        return response(missing, lambda right: solver.solve(right)[0], self.model.coordinates, len(self.scale))
+        rest = np.zeros((len(self.zero) - self.base.n, motions.shape[1]))
+        return np.vstack([motions / self.base.unit[:, None], rest])
 
     def size(self, way: Array) -> float:
         """How far a direction moves the machine at most: turns in rad, shifts over the characteristic length."""
-        n = self.model.coordinates
-        return float(np.abs(self.scale[:n] * way[:n] / self.model.coordinate_scale[:n]).max())
+        n = self.base.n
+        return float(np.abs(self.base.unit * way[:n] / self.model.coordinate_scale[:n]).max())
 
     def step(self, way: Array, share: float) -> float:
         """Length at which a direction moves the machine by `SMALL`, and the loads by as much of themselves."""
@@ -160,14 +134,11 @@ class _HeldMachine(_LoadedMachine):
 
     def held_by(self, way: Array) -> Array:
         """Change ``(6,)`` of the wrench on the end along a direction."""
-        n = self.model.coordinates
-        result: Array = -(self.combinations @ (self.scale * way)[n:])[-6:]
-        return result
+        return self.moved(np.zeros(self.model.size + 6), way)[-6:]
 
 
 def _machine(asked: Question, state: LinearState) -> _LoadedMachine:
-    x0 = state.model.configuration(state.model.chain.posture(asked.posture))
-    return _LoadedMachine(asked, state.model, x0, state.scale, state.combinations)
+    return _LoadedMachine(state, asked, state.model.configuration(state.model.chain.posture(asked.posture)))
 
 
 def _linear_factor(asked: Question, first: LinearState) -> float:
@@ -181,7 +152,7 @@ def _linear_factor(asked: Question, first: LinearState) -> float:
             straining a spring.
     """
     machine, n = _machine(asked, first), first.n
-    forces = machine.along(first.x, 0.0, np.zeros(len(machine.scale)), 1.0, machine.residual_forces)
+    forces = machine.along(first.x, 0.0, machine.zero, 1.0, machine.lacks)
     way, unreached = first.solver.solve(forces)
     if np.abs(unreached).max(initial=0.0) > NEGLIGIBLE * np.linalg.norm(forces):
         raise ValueError(
@@ -207,14 +178,14 @@ def _linear_factor(asked: Question, first: LinearState) -> float:
             f"{asked.machine.name}, posture {asked.posture}: the loads move nothing and take no stiffness from the "
             f"machine: it has no critical load in this direction"
         )
-    return 1.0 / float(np.abs(machine.scale[:n] * way[:n] / first.model.coordinate_scale[:n]).max())
+    return 1.0 / machine.size(way)
 
 
 def _null(machine: _LoadedMachine, state: LinearState, count: int) -> tuple[Array, Array]:
     """Right and left null vectors ``(n + r, count)`` of the bordered tangent, scaled; none is neutral."""
     n = state.n
     B = machine.bordered(state)
-    N = state.felt / machine.scale[:n, None]
+    N = state.felt / machine.base.unit[:, None]
     left, _, right = np.linalg.svd(N.T @ B[:n, :n] @ N)
     vectors = []
     for y, A in ((right[-count:].T, B), (left[:, -count:], B.T)):
@@ -257,12 +228,14 @@ class _Rates:
         size: of the loads' forces; of what they could be where they move nothing.
         softening: mean change of the tangent along its null vectors, the state moving with the loads.
         bending: the same by the null vector itself.
+        way: in which the state moves with the loads ``(n + r,)``.
     """
 
     unreached: Array
     size: float
     softening: float
     bending: float
+    way: Array
 
     @property
     def limit(self) -> bool:
@@ -272,16 +245,16 @@ class _Rates:
 
 def _rates(machine: _LoadedMachine, x: Array, factor: float, solver: _Critical) -> _Rates:
     V, W = solver.V, solver.W
-    forces = machine.along(x, factor, np.zeros(len(V)), 1.0, machine.residual_forces)
+    first = machine.along(x, factor, machine.zero, 1.0, machine.lacks)
     # loads that move nothing leave rounding on the coordinates, and steps of differences enlarge it
     largest = factor * machine.load_size
-    forces = np.where(np.abs(forces) > SUM_ROUNDING / SMALL * largest, forces, 0.0)
+    forces = np.where(np.abs(first) > SUM_ROUNDING / SMALL * largest, first, 0.0)
     _, unreached = solver.solve(forces)
-    way = machine.answer(solver, lambda way: machine.along(x, factor, way, 1.0, machine.residual_forces))
+    way = machine.followed(solver.solve, lambda way: machine.along(x, factor, way, 1.0, machine.lacks), first)
     stiffness = machine.stiffness(W, V)
     softening = float(machine.along(x, factor, way, 1.0, stiffness)[0])
     bending = float(machine.along(x, factor, V[:, 0], 0.0, stiffness)[0]) if V.shape[1] == 1 else 0.0
-    return _Rates(unreached, float(np.linalg.norm(forces)) or largest, softening, bending)
+    return _Rates(unreached, float(np.linalg.norm(forces)) or largest, softening, bending, way)
 
 
 @dataclass(frozen=True)
@@ -371,7 +344,7 @@ def _solved(asked: Question, x: Array, factor: float, count: int, where: str) ->
             x, state, solver = symmetric
             rates = _rates(machine, x, factor, solver)
         right, left, missing = solver.V, solver.W, solver.missing
-        way, unreached = solver.solve(machine.residual_forces(state))
+        way, unreached = solver.solve(machine.lacks(state))
         softened = machine.along(x, factor, way, 0.0, machine.stiffness(left, right))
         excess = float(np.trace(missing)) / count - float(softened[0])
         if rates.limit:
@@ -380,7 +353,7 @@ def _solved(asked: Question, x: Array, factor: float, count: int, where: str) ->
                 share = (excess - grown * rates.softening) / rates.bending
         else:
             grown, share = excess / rates.softening, 0.0
-        loads = machine.along(x, factor, np.zeros(len(right)), 1.0, machine.residual_forces)
+        loads = machine.along(x, factor, machine.zero, 1.0, machine.lacks)
         with_loads, _ = solver.solve(loads)
         x = machine.moved(x, way + grown * with_loads + share * right[:, 0])
         factor *= 1.0 + grown
@@ -409,7 +382,7 @@ def _symmetric(
     moved = machine.moved(x, part * solver.V[:, 0])
     state = machine.at(moved, factor)
     beside = _Critical(machine, state, solver.V, solver.W)
-    _, left = beside.solve(machine.residual_forces(state))
+    _, left = beside.solve(machine.lacks(state))
     return (moved, state, beside) if abs(float(left[0])) <= NEGLIGIBLE * rates.size else None
 
 
@@ -424,8 +397,8 @@ def critical_derivative(critical: CriticalState, parameter: Parameter) -> float:
         ValueError: there is none, because the parameter turns a bifurcation into a limit of the load.
     """
     factor, machine, solver, rates = critical.factor, critical.machine, critical.solver, critical.rates
-    change = _ByParameter(machine, critical.state, critical.state.x, parameter)
-    unreached = change.unreached(solver)
+    change = ByParameter(machine, critical.state, critical.state.x, parameter)
+    unreached = _unreached(change, solver)
     if rates.limit:
         return -factor * float(unreached[0] / rates.unreached[0])
     if float(np.abs(unreached).max()) * parameter.scale > SYMMETRIC * rates.size:
@@ -433,44 +406,22 @@ def critical_derivative(critical: CriticalState, parameter: Parameter) -> float:
             f"parameter '{parameter.name}' turns the bifurcation at the critical load into a limit of the load, "
             f"which has no derivative by it there"
         )
-    softened = change.along(machine.stiffness(solver.W, solver.V), change.way(solver))
+    softened = change.along(machine.stiffness(solver.W, solver.V), change.way(solver.solve))
     return -factor * float(softened[0]) / rates.softening
 
 
-@dataclass(frozen=True)
-class _ByParameter:
-    """Derivatives by a parameter at a critical state, whose vector is ``x``."""
+def _unreached(change: ByParameter, solver: _Critical) -> Array:
+    """Forces ``(k,)`` of a parameter that the tangent does not reach.
 
-    machine: _LoadedMachine
-    state: LinearState
-    x: Array
-    parameter: Parameter
+    They are those along a way that closes what the parameter opens: on it the left null vector distinguishes them.
 
-    def along(self, of: Callable[[LinearState], Array], way: Array) -> Array:
-        """Of something, the state moving along a direction ``(n + r,)`` per unit of the parameter."""
-        value, moved = self.parameter.value, self.machine.moved
-        return difference(
-            lambda h: of(changed(self.state, self.parameter, value + h, moved(self.x, h * way))),
-            STEP * self.parameter.scale,
-        )
-
-    def unreached(self, solver: _Critical) -> Array:
-        """Forces ``(k,)`` that the tangent does not reach.
-
-        They are those along a way that closes what the parameter opens: on it the left null vector tells them.
-
-        Raises:
-            ValueError: no way closes it.
-        """
-        n, closing = self.state.n, np.zeros(len(solver.V))
-        refuse_incompatible(self.state, self.parameter, self.along(gaps, closing))
-        opened = self.along(self.machine.residual_forces, closing)[n:]
-        closing[:n] = np.linalg.lstsq(self.machine.bordered(self.state)[n:, :n], opened, rcond=None)[0]
-        return solver.solve(self.along(self.machine.residual_forces, closing))[1]
-
-    def way(self, solver: _Critical | TangentSystem) -> Array:
-        """Direction ``(n + r,)`` in which the state follows."""
-        return self.machine.answer(solver, lambda way: self.along(self.machine.residual_forces, way))
+    Raises:
+        ValueError: no way closes it.
+    """
+    machine, n, closing = change.directions, change.state.n, change.directions.zero
+    rows = change.state.rows(machine.base.combinations) * machine.base.unit
+    closing[:n] = np.linalg.lstsq(machine.base.scale[n:, None] * rows, change.first[n:], rcond=None)[0]
+    return solver.solve(change.missing(closing))[1]
 
 
 # --- Events of a path on which the whole pose of the end is imposed -----------------------------------------------
@@ -517,39 +468,40 @@ def event_rates(asked: Question, path: Path, parameters: Sequence[Parameter], un
         )
     if event is None or event.point is None:
         raise ValueError(f"posture {case.posture}: the path has no critical point with a state")
-    x = event.point.state[: model.size + 6]
-    state = placed(asked, x, case.displacement(event.s))
-    machine = _HeldMachine(
-        asked, model, asked.model.configuration(model.chain.posture(case.posture)), state.scale,
-        state.combinations, case.displacement(event.s),
-    )  # fmt: skip
-    bifurcates, size = event.kind is EventKind.BIFURCATION, 0.0
+    if len(event.point.state) != model.size + 7:
+        raise ValueError(f"the path of {path.engine} is not of this engine and machine: its states are others")
+    force, s, reasons = np.full(len(parameters), np.nan), np.full(len(parameters), np.nan), [""] * len(parameters)
+    if event.multiplicity > 1:
+        return EventRates(force, s, (KINK,) * len(parameters))
+    x, imposed = event.point.state[:-1], case.displacement(event.s)
+    state, drawn = placed(asked, x, imposed), model.configuration(model.chain.posture(case.posture))
+    machine = _HeldMachine(state, asked, drawn, imposed)
     solver: _Critical | TangentSystem
-    if bifurcates:
+    if event.kind is EventKind.BIFURCATION:
         solver = _Critical(machine, state, *_null(machine, state, 1))
         rates = _rates(machine, x, 1.0, solver)
         if (symmetric := _symmetric(machine, x, 1.0, solver, rates)) is not None:
             x, state, solver = symmetric
             rates = _rates(machine, x, 1.0, solver)
-        V, W, size = solver.V, solver.W, rates.size
+        follows, softening, size = rates.way, rates.softening, rates.size
+        stiffness = machine.stiffness(solver.W, solver.V)
     else:
-        solver = state.solver
-        ramp = machine.along(x, 1.0, np.zeros(len(machine.scale)), 1.0, machine.residual_forces)[:, None]
-        V, W = solver.solve(ramp)[0] / event.s, solver.solve(ramp, transposed=True)[0] / event.s
-    follows = machine.answer(solver, lambda way: machine.along(x, 1.0, way, 1.0, machine.residual_forces))
-    stiffness = machine.stiffness(W, V)
-    softening = float(machine.along(x, 1.0, follows, 1.0, stiffness)[0])
-    force, s = (np.full(len(parameters), np.nan) for _ in range(2))
-    reasons = [""] * len(parameters)
+        solver, size = state.solver, np.inf
+        ramp = machine.along(x, 1.0, machine.zero, 1.0, machine.lacks)
+        V, W = (solver.solve(ramp[:, None], transposed=turned)[0] / event.s for turned in (False, True))
+        follows = machine.followed(solver.solve, lambda way: machine.along(x, 1.0, way, 1.0, machine.lacks), ramp)
+        stiffness = machine.stiffness(W, V)
+        softening = float(machine.along(x, 1.0, follows, 1.0, stiffness)[0])
     for i, parameter in enumerate(parameters):
-        change = _ByParameter(machine, state, x, parameter)
+        change = ByParameter(machine, state, x, parameter)
         try:
             if isinstance(solver, _Critical):
-                share = float(np.abs(change.unreached(solver)).max()) * parameter.scale / size
-                if event.multiplicity > 1 or share > SYMMETRIC:
-                    reasons[i] = KINK if event.multiplicity > 1 else _breaks(share)
-                    continue
-            way = change.way(solver)
+                share = float(np.abs(_unreached(change, solver)).max()) * parameter.scale / size
+                if share > SYMMETRIC:
+                    raise ValueError(
+                        f"breaks the symmetry: by its scale it loads the mode with {share:.1e} of the ramp's load"
+                    )
+            way = change.way(solver.solve)
         except ValueError as error:
             reasons[i] = " ".join(str(error).split())
             continue
@@ -560,7 +512,3 @@ def event_rates(asked: Question, path: Path, parameters: Sequence[Parameter], un
         s[i] = event.s * grown
         force[i] = case.direction @ machine.held_by(way + grown * follows)
     return EventRates(force, s, tuple(reasons))
-
-
-def _breaks(share: float) -> str:
-    return f"breaks the symmetry: by its scale it loads the mode with {share:.1e} of the ramp's load"
