@@ -85,7 +85,7 @@ def residual_forces(state: LinearState) -> Array:
     model, reactions = state.model, state.reactions
     sprung = model.strain(reactions) - state.x
     sprung[model.passive] = 0.0
-    result: Array = state.spring_stiffness @ sprung[: state.n]
+    result: Array = state.springs_times(sprung[: state.n, None])[:, 0]
     result[model.passive] = reactions[model.passive]
     return result
 
@@ -132,6 +132,17 @@ class Directions:
     def lacks(self, state: LinearState) -> Array:
         """What a state lacks to be an equilibrium ``(n + r,)``, scaled."""
         return self.scaled(residual_forces(state), gaps(state))
+
+    def stiffness(self, W: Array, V: Array) -> Callable[[LinearState], Array]:
+        """Mean ``(1,)`` of ``wᵀ B v`` over directions ``(n + r, k)``, of a state."""
+        n, (w, v) = self.base.n, (self.base.scale[:, None] * each for each in (W, V))
+
+        def mean(state: LinearState) -> Array:
+            rows = state.rows(self.base.combinations)
+            held = np.sum((rows @ w[:n]) * v[n:]) + np.sum(w[n:] * (rows @ v[:n]))
+            return np.array([np.sum(w[:n] * state.tangent_times(v[:n])) + held]) / V.shape[1]
+
+        return mean
 
     def followed(self, solve: Solve, missing: Callable[[Array], Array], first: Array) -> Array:
         """The direction in which a state stays an equilibrium while something changes.

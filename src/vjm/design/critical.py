@@ -44,6 +44,8 @@ ITERATIONS = 20
 """Of Newton's method, which starts at a point of a path and needs three or four."""
 SOLVED = 1e-11
 """Relative change of the factor at which Newton's method ends."""
+INVERSE_STEPS = 3
+"""Of inverse iteration, each of which takes a singular value over the next, squared, from the error."""
 ASIDE = 1e-2
 """rad, or over the characteristic length: how far along its mode a state beside a bifurcation may lie to be taken
 back. Solvers leave up to 3e-4 of a mode that nothing holds; whether the state is symmetric then its forces tell."""
@@ -83,17 +85,6 @@ class _LoadedMachine(Directions):
     def bordered(self, state: LinearState) -> Array:
         """Tangent ``(n + r, n + r)`` with the closures' derivative, scaled."""
         return state.bordered(state.tangent, self.base.combinations, self.base.scale)
-
-    def stiffness(self, W: Array, V: Array) -> Callable[[LinearState], Array]:
-        """Mean ``(1,)`` of ``wᵀ B v`` over directions ``(n + r, k)``, of a state."""
-        n, (w, v) = self.base.n, (self.base.scale[:, None] * each for each in (W, V))
-
-        def mean(state: LinearState) -> Array:
-            rows = state.rows(self.base.combinations)
-            held = np.sum((rows @ w[:n]) * v[n:]) + np.sum(w[n:] * (rows @ v[:n]))
-            return np.array([np.sum(w[:n] * (state.tangent @ v[:n])) + held]) / V.shape[1]
-
-        return mean
 
     def bordering(self, motions: Array) -> Array:
         """Motions ``(n, k)`` as directions ``(n + r, k)``, scaled."""
@@ -151,7 +142,7 @@ def _linear_factor(asked: Question, first: LinearState) -> float:
         ValueError: the loads neither deflect the machine nor take stiffness from it, or it moves without
             straining a spring.
     """
-    machine, n = _machine(asked, first), first.n
+    machine = _machine(asked, first)
     forces = machine.along(first.x, 0.0, machine.zero, 1.0, machine.lacks)
     way, unreached = first.solver.solve(forces)
     if np.abs(unreached).max(initial=0.0) > NEGLIGIBLE * np.linalg.norm(forces):
@@ -159,16 +150,19 @@ def _linear_factor(asked: Question, first: LinearState) -> float:
             f"{asked.machine.name}, posture {asked.posture}: under these loads it moves without straining a "
             f"spring: it has no critical load"
         )
-    B = machine.bordered(first)[:n, :n]
-    geometric = machine.along(first.x, 0.0, way, 1.0, machine.bordered)[:n, :n]
-    N, Z = (motions / first.unit[:, None] for motions in (first.motions, first.neutral))
+    unit, Z = first.unit[:, None], first.neutral / first.unit[:, None]
+    geometric = machine.along(first.x, 0.0, way, 1.0, lambda state: state.tangent)
+    A, G = first.on_motions(first.tangent), first.on_motions(geometric)
     if Z.size:
         # what neither springs nor loads feel would be singular at any factor
-        felt = geometric @ Z
-        Z = Z @ null_space(felt / max(np.linalg.norm(geometric), np.finfo(float).tiny))
-        N = N @ null_space(Z.T @ N)
+        felt = (geometric * unit * unit.T) @ Z
+        Z = Z @ null_space(felt / max(np.linalg.norm(geometric * unit * unit.T), np.finfo(float).tiny))
+        N = null_space(Z.T @ (first.motions / unit))
+        A, G = N.T @ A @ N, N.T @ G @ N
+    factors: Any
     with np.errstate(divide="ignore", invalid="ignore"):
-        factors: Any = eigvals(N.T @ B @ N, -N.T @ geometric @ N)
+        # the pencil costs six times as much, and is needed where motions have no stiffness without the loads
+        factors = eigvals(A, -G) if Z.size or first.free else 1.0 / eigvals(np.linalg.solve(A, -G))
     straight = np.isfinite(factors) & (np.abs(factors.imag) <= REAL * np.abs(factors))
     real = factors.real[straight & (factors.real > 0.0)]
     if len(real):
@@ -182,18 +176,18 @@ def _linear_factor(asked: Question, first: LinearState) -> float:
 
 
 def _null(machine: _LoadedMachine, state: LinearState, count: int) -> tuple[Array, Array]:
-    """Right and left null vectors ``(n + r, count)`` of the bordered tangent, scaled; none is neutral."""
-    n = state.n
-    B = machine.bordered(state)
-    N = state.felt / machine.base.unit[:, None]
-    left, _, right = np.linalg.svd(N.T @ B[:n, :n] @ N)
-    vectors = []
-    for y, A in ((right[-count:].T, B), (left[:, -count:], B.T)):
-        v = N @ y
-        # the rows are independent, so that what holds the motion is determined
-        held_by = np.linalg.lstsq(A[n:, :n].T, -A[:n, :n] @ v, rcond=None)[0]
-        vectors.append(np.vstack([v, held_by]))
-    return vectors[0], vectors[1]
+    """Right and left null vectors ``(n + r, count)`` of the bordered tangent, scaled; none is neutral.
+
+    They are its smallest singular vectors, by inverse iteration; each left one is turned to its right one.
+    """
+    neutral = machine.bordering(state.neutral)
+    system = TangentSystem(machine.bordered(state), neutral, neutral)
+    V = W = np.random.default_rng(0).standard_normal((len(machine.zero), count))
+    for _ in range(INVERSE_STEPS):
+        W = np.linalg.qr(system.solve(V, transposed=True)[0])[0]
+        V = np.linalg.qr(system.solve(W)[0])[0]
+    turn, _, to = np.linalg.svd(W.T @ V)
+    return V, W @ turn @ to
 
 
 class _Critical:

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from scipy.linalg import lu_factor, lu_solve
@@ -21,7 +22,16 @@ from vjm.model.end_condition import held
 from vjm.model.law_states import free_words, law_states
 from vjm.model.load_case import COMPONENTS, LOAD, Load, LoadCase
 from vjm.model.machine import Machine
-from vjm.model.mechanism import NO_LOADS, AppliedLoads, Gravity, Kinematics, Mechanism, force_hessian_of, loading_of
+from vjm.model.mechanism import (
+    NO_LOADS,
+    AppliedLoads,
+    Gravity,
+    Kinematics,
+    Mechanism,
+    force_hessian_of,
+    force_hessian_times,
+    loading_of,
+)
 from vjm.model.parameters import Parameter
 from vjm.model.springs import LawSpring
 from vjm.postures import Posture, in_posture
@@ -46,7 +56,7 @@ class TangentSystem:
             left: ``(m, k)`` what solutions are perpendicular to, V.
         """
         k = self.borders = right.shape[1]
-        self.matrix = np.block([[B, right], [left.T, np.zeros((k, k))]])
+        self.matrix = np.block([[B, right], [left.T, np.zeros((k, k))]]) if k else B
         self._factors = lu_factor(self.matrix, check_finite=False)
 
     def solve(self, forces: Array, *, transposed: bool = False) -> tuple[Array, Array]:
@@ -324,7 +334,7 @@ class LinearState:
 
     # --- matrices -----------------------------------------------------------------------------------------
 
-    @cached_property
+    @property
     def spring_stiffness(self) -> Array:
         """Tangent stiffness ``(n, n)`` of the virtual springs, zero on the passive joints."""
         K = self.model.stiffness_under(self.reactions)[: self.n, : self.n]
@@ -332,12 +342,12 @@ class LinearState:
             K[coordinate, coordinate] = secant
         return K
 
-    @cached_property
+    @property
     def elastic_stiffness(self) -> Array:
         """The same ``(n, n)`` with the springs between points along themselves."""
-        S = self.stretching
-        result: Array = self.spring_stiffness + S.T @ (self.point_stiffness[:, None] * S)
-        return result
+        S, K = self.stretching, self.spring_stiffness
+        K += S.T @ (self.point_stiffness[:, None] * S)
+        return K
 
     @cached_property
     def tangent(self) -> Array:
@@ -345,26 +355,54 @@ class LinearState:
 
         It is symmetric on what the closures leave, but under followers and moments.
         """
-        result: Array = self.elastic_stiffness - self.geometric
+        result = self.elastic_stiffness
+        result -= self.geometric
         return result
 
-    @cached_property
+    @property
     def geometric(self) -> Array:
         """``H`` ``(n, n)``: what all forces add to as the machine moves."""
-        H = np.zeros((self.model.size, self.model.size))
+        acting, pairs = self._forces_on_way
+        H = force_hessian_of(acting) if acting else np.zeros((self.model.size, self.model.size))
+        for first, second in pairs:
+            H += first.T @ second
+        return H[: self.n, : self.n]
+
+    @cached_property
+    def _forces_on_way(self) -> tuple[list[tuple[Kinematics, Array]], list[tuple[Array, Array]]]:
+        """Wrenches that points take along; pairs ``(3 or 6, size)`` whose products are what turning adds to H."""
         acting = [(k, wrench) for k, wrench, _ in self._wrenches if wrench.any()]
-        for k, wrench, follows in self._wrenches:
-            if follows:
-                turned = np.vstack([-skew(wrench[:3]), -skew(wrench[3:])])
-                H += k.jacobian.T @ turned @ k.jacobian[3:]
+        pairs = [
+            (k.jacobian, np.vstack([-skew(wrench[:3]), -skew(wrench[3:])]) @ k.jacobian[3:])
+            for k, wrench, follows in self._wrenches
+            if follows
+        ]
         for first, second, along, length, _, pull in self._point_springs:
             force = np.concatenate([pull * along, np.zeros(3)])
             acting += [(first, force), (second, -force)]
             apart = (second.jacobian - first.jacobian)[:3]
-            H -= apart.T @ (pull / length * (np.eye(3) - np.outer(along, along))) @ apart
+            pairs.append((apart, -(pull / length * (np.eye(3) - np.outer(along, along))) @ apart))
+        return acting, pairs
+
+    def tangent_times(self, motions: Array) -> Array:
+        """What `tangent` makes of motions ``(n, k)``, in time and memory linear in n."""
+        acting, pairs = self._forces_on_way
+        padded = np.vstack([motions, np.zeros((self.model.size - self.n, motions.shape[1]))])
+        result, S = self.springs_times(motions), self.stretching
+        result += S.T @ (self.point_stiffness[:, None] * (S @ motions))
+        for first, second in pairs:
+            result -= (first.T @ (second @ padded))[: self.n]
         if acting:
-            H += force_hessian_of(acting)
-        return H[: self.n, : self.n]
+            result -= force_hessian_times(acting, padded)[: self.n]
+        return result
+
+    def springs_times(self, motions: Array) -> Array:
+        """What `spring_stiffness` makes of motions ``(n, k)``, likewise."""
+        padded = np.vstack([motions, np.zeros((self.model.size - self.n, motions.shape[1]))])
+        result: Array = self.model.stiffness_times(self.reactions, padded)[: self.n]
+        for coordinate, secant in self.secants[0].items():
+            result[coordinate] = secant * motions[coordinate]
+        return result
 
     @cached_property
     def constraints(self) -> Array:
@@ -416,6 +454,18 @@ class LinearState:
         result: Array = self.unit[:, None] * V[len(rows) :].T
         return result
 
+    def on_motions(self, A: Array) -> Array:
+        """A matrix ``(n, n)`` of the coordinates on `motions` ``(m, m)``."""
+        if not self.combinations.shape[1]:
+            return A * self.unit[:, None] * self.unit
+        result: Array = self.motions.T @ A @ self.motions
+        return result
+
+    def of_motions(self, amplitudes: Any) -> Any:  # noqa: ANN401
+        """Motions ``(n, k)`` from their amplitudes ``(m, k)``, which may be complex."""
+        alone = not self.combinations.shape[1]
+        return self.unit[:, None] * amplitudes if alone else self.motions @ amplitudes
+
     @cached_property
     def strainless(self) -> Array:
         """Motions ``(n, z)`` that strain no spring, orthonormal in the coordinates' units; by geometry alone."""
@@ -433,11 +483,10 @@ class LinearState:
     @cached_property
     def neutral(self) -> Array:
         """Those ``(n, z)`` to which the loads give no stiffness either, such as a rod's turn between two balls."""
-        Z, N = self.strainless, self.motions
-        geometric = np.linalg.norm(self.geometric * self.unit[:, None] * self.unit)
-        if not Z.size or not geometric:
+        Z = self.strainless
+        if not Z.size or not (geometric := np.linalg.norm(self.geometric * self.unit[:, None] * self.unit)):
             return Z
-        return Z @ null_space(N.T @ self.geometric @ Z / geometric)
+        return Z @ null_space(self.motions.T @ self.geometric @ Z / geometric)
 
     @cached_property
     def free(self) -> str:
@@ -451,10 +500,11 @@ class LinearState:
     @property
     def in_contact(self) -> LinearState:
         """The same with the largest slopes of the laws that have none here, as if each were in contact."""
+        own = np.diag(self.spring_stiffness)
         joints = {
             where.start: spring.law.largest_stiffness
             for spring, where in self.model.blocks
-            if isinstance(spring, LawSpring) and self.spring_stiffness[where.start, where.start] == 0.0
+            if isinstance(spring, LawSpring) and own[where.start] == 0.0
         }
         return replace(self, secants=(joints, {}))
 
@@ -470,8 +520,9 @@ class LinearState:
         B = np.zeros((total, total))
         R = self.rows(combinations)
         B[:n, :n], B[:n, n:], B[n:, :n] = A, R.T, R
-        result: Array = B * scale[:, None] * scale
-        return result
+        B *= scale[:, None]
+        B *= scale
+        return B
 
     def system(self, A: Array, neutral: Array) -> TangentSystem:
         """`bordered` of a stiffness ``(n, n)`` with its neutral motions ``(n, z)``, solved."""

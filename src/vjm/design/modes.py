@@ -272,6 +272,8 @@ REAL = 1e-7
 rounding."""
 HEAVIEST = 1e-12
 """Square of the lowest frequency over that of a motion, below which what moves is rounding: it has no mass."""
+POWERS = 20
+"""Steps to the largest singular value."""
 SHIFTS = 40
 """Fourfold enlargements of the shift of a tangent that is not positive definite: more than double precision has."""
 
@@ -486,9 +488,7 @@ def eigenmodes(state: LinearState, number: int) -> tuple[Any, Any]:
     Raises:
         ValueError: no part that moves has a mass, or a motion without mass is unstable.
     """
-    N = state.motions
-    A = N.T @ state.tangent @ N
-    M = N.T @ mass_matrix(state) @ N
+    A, M = state.on_motions(state.tangent), state.on_motions(mass_matrix(state))
     if not np.abs(M).max(initial=0.0) > 0.0:
         raise ValueError(
             f"{state.model.name}: no part that moves has a mass: give its links mass_kg, or its sections a density"
@@ -502,8 +502,17 @@ def eigenmodes(state: LinearState, number: int) -> tuple[Any, Any]:
         ) from None
     # an eigenvalue of which the tangent's rounding is larger is none
     work = np.abs(values) * np.real(np.sum(V.conj() * (M @ V), axis=0))
-    values[work < SUM_ROUNDING * np.linalg.norm(A, 2) * np.sum(np.abs(V) ** 2, axis=0)] = 0.0
-    return MM_PER_M * values, N @ V
+    values[work < SUM_ROUNDING * _norm(A) * np.sum(np.abs(V) ** 2, axis=0)] = 0.0
+    return MM_PER_M * values, state.of_motions(V)
+
+
+def _norm(A: Array) -> float:
+    """Largest singular value, by the power method: what is rounding needs one digit of it."""
+    v, size = np.ones(len(A)), 0.0
+    for _ in range(POWERS):
+        v = A.T @ (A @ (v / max(np.linalg.norm(v), np.finfo(float).tiny)))
+        size = float(np.sqrt(np.linalg.norm(v)))
+    return size
 
 
 def _symmetric(A: Array, M: Array, number: int) -> tuple[Array, Array]:
@@ -600,7 +609,7 @@ def _matrices(state: LinearState, parameter: Parameter, motions: Array) -> tuple
 
     def matrices(step: float) -> Array:
         moved = changed(state, parameter, parameter.value + step, state.x + step * rate)
-        tangent, rows = motions.T @ moved.tangent @ motions, moved.rows(state.combinations) @ motions
+        tangent, rows = motions.T @ moved.tangent_times(motions), moved.rows(state.combinations) @ motions
         return np.vstack([tangent, mass_matrix(AlongMotions(moved, motions)), rows])
 
     rows = difference(matrices, STEP * parameter.scale)

@@ -17,7 +17,17 @@ from typing import TYPE_CHECKING, Any, NamedTuple, assert_never
 import numpy as np
 from scipy.optimize import Bounds, brentq, minimize
 
-from vjm.design.changes import STEP, asked_with, changed, difference, gaps, posed, state_rate
+from vjm.design.changes import (
+    STEP,
+    ByParameter,
+    Directions,
+    asked_with,
+    changed,
+    difference,
+    gaps,
+    posed,
+    state_rate,
+)
 from vjm.design.critical import critical_derivative, critical_state
 from vjm.design.linear_state import LinearState, Question, question, state_of
 from vjm.design.modes import REAL, eigenmodes, frequency_rates, total_mass
@@ -453,13 +463,16 @@ def _component(asked: Question, quantity: DesignQuantity, along: str) -> str:
     return COMPONENTS[int(np.argmax(np.abs(_moved(solved(asked))[:3])))]
 
 
-def value_at(asked: Question, quantity: DesignQuantity, along: str) -> float:
+def value_at(
+    asked: Question, quantity: DesignQuantity, along: str, state: Callable[[Question], LinearState] = solved
+) -> float:
     """A quantity of a machine under loads.
 
     Args:
         asked: the machine, and what is done to it.
         quantity: what is asked for.
         along: component of a deflection or a stiffness; empty for the size of the end's shift.
+        state: finds the equilibrium.
 
     Raises:
         ValueError: there is none, such as the lowest frequency of an unstable machine.
@@ -475,7 +488,7 @@ def value_at(asked: Question, quantity: DesignQuantity, along: str) -> float:
         case DesignQuantity.COST:
             raise ValueError("a cost is of numbers that vary: ask `vjm.sweep` or `vjm.optimise`, with a formula")
         case DesignQuantity.DEFLECTION | DesignQuantity.STIFFNESS | DesignQuantity.FREQUENCY:
-            return value_of(solved(asked), quantity, along)
+            return value_of(state(asked), quantity, along)
         case _:
             assert_never(quantity)
 
@@ -562,6 +575,8 @@ def derivative_at(asked: Question, parameter: Parameter, quantity: DesignQuantit
     base = solved(asked)
     if quantity is DesignQuantity.FREQUENCY and (lowest := _lowest(base)) is not None:
         return float(frequency_rates(base, [parameter], *lowest).mean())
+    if quantity is DesignQuantity.STIFFNESS:
+        return _stiffness_rate(base, parameter, COMPONENTS.index(along))
     rate = state_rate(base, parameter)
 
     def value(step: float, x: Array) -> Array:
@@ -572,6 +587,22 @@ def derivative_at(asked: Question, parameter: Parameter, quantity: DesignQuantit
         moves = float(base.jacobian[COMPONENTS.index(along)] @ rate[: base.n])
         return moves + float(difference(lambda step: value(step, base.x), h)[0])
     return float(difference(lambda step: value(step, base.x + step * rate), h)[0])
+
+
+def _stiffness_rate(base: LinearState, parameter: Parameter, k: int) -> float:
+    """Derivative of one over the compliance ``c = fᵀ B⁻¹ f`` of the free end along a component.
+
+    With what f brings about, v, and by the transposed tangent, w, it is ``c' = f'ᵀ (v + w) − wᵀ B' v``.
+    """
+    directions, n = Directions(base), base.n
+    force = directions.scaled(base.jacobian[k], np.zeros(len(base.constraints)))[:, None]
+    v, w = (base.solver.solve(force, transposed=turned)[0] for turned in (False, True))
+    stiffness, both = directions.stiffness(w, v), base.unit * (v + w)[:n, 0]
+    change = ByParameter(directions, base, base.x, parameter)
+    softened = change.along(
+        lambda state: stiffness(state) - state.jacobian[k] @ both, change.way(base.solver.solve)
+    )
+    return float(softened[0]) / float(np.sum(force * v)) ** 2
 
 
 def _moves(asked: Question, parameter: Parameter) -> bool:
@@ -597,7 +628,9 @@ def _lowest(base: LinearState) -> tuple[Array, Array] | None:
 
 def _at(asked: Question, parameter: Parameter, quantity: DesignQuantity, along: str, value: float) -> float:
     """The quantity of the machine with another value of a parameter, solved anew."""
-    return value_at(replace(asked, machine=posed(asked, parameter, value)), quantity, along)
+    again = replace(asked, machine=posed(asked, parameter, value))
+    # it is asked for once, and its matrices are not to be kept
+    return value_at(again, quantity, along, solved.__wrapped__)
 
 
 def _factor(

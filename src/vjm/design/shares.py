@@ -287,10 +287,11 @@ def _rows(rest: LinearState, loaded: LinearState | None, motion: Array) -> Itera
     """The shares, from the motion ``(n,)`` of the linear case; energies of the loaded one where it is given."""
     held = rest.question.displacement is not None
     unit_motions, left = _unit_loads(rest)
-    forces = rest.spring_stiffness @ unit_motions
+    stiffness = rest.spring_stiffness
+    forces = stiffness @ unit_motions
     for part, kind, where in _coordinates(rest):
         index = list(where)
-        bearing = rest.spring_stiffness[np.ix_(index, index)]
+        bearing = stiffness[np.ix_(index, index)]
         yield Share(
             part, kind, forces[index].T @ motion[index],
             0.5 * float(motion[index] @ bearing @ motion[index]),

@@ -156,6 +156,33 @@ def force_hessian_of(acting: Sequence[tuple[Kinematics, Array]]) -> Array:
     return machine.drive.gathered(machine.drive.gathered(H).T).T
 
 
+def force_hessian_times(acting: Sequence[tuple[Kinematics, Array]], motions: Array) -> Array:
+    """What `force_hessian_of` makes of motions ``(n, k)``, in time and memory linear in n.
+
+    Its entries are products of what joint i and what joint j alone have, so that their sums are cumulative.
+    """
+    drive = acting[0][0].drive
+    rates = drive.joints(motions.T).T[:, None]
+    turning = [np.where(k.rotary[:, None], k.axes, 0.0) for k, _ in acting]
+    linear, angular = (
+        np.hstack([cross(wrench[half], turns) for (_, wrench), turns in zip(acting, turning, strict=True)])
+        for half in (slice(0, 3), slice(3, 6))
+    )
+    shifts, turns = np.vstack([k.joint_jacobian[:3] for k, _ in acting]).T, np.hstack(turning)
+
+    def passed(rows: Array) -> Array:
+        """Sums ``(m, c, k)`` of the rates of all joints so far."""
+        return np.cumsum(rows[:, :, None] * rates, axis=0)
+
+    def before(rows: Array) -> Array:
+        return passed(rows) - rows[:, :, None] * rates
+
+    onwards = passed(shifts)[-1] - before(shifts)
+    on_joints = np.einsum("mc,mck->km", shifts, before(linear)) + np.einsum("mc,mck->km", linear, onwards)
+    result: Array = drive.gathered(on_joints + np.einsum("mc,mck->km", turns, before(angular))).T
+    return result
+
+
 Gravity = tuple[float, float, float]
 
 
@@ -321,6 +348,14 @@ class Mechanism:
             alone = len(where) == 1
             K[where[:, :, None], where[:, None, :]] = spring.tangent(reactions[where[0] if alone else where])
         return K
+
+    def stiffness_times(self, reactions: Array, motions: Array) -> Array:
+        """What that stiffness makes of motions ``(n, k)``, in time and memory linear in n."""
+        result = np.zeros_like(motions)
+        for spring, where in self._alike:
+            alone = len(where) == 1
+            result[where] = spring.tangent(reactions[where[0] if alone else where]) @ motions[where]
+        return result
 
     @cached_property
     def stiffness(self) -> Array:
