@@ -385,7 +385,7 @@ class LinearState:
         return acting, pairs
 
     def tangent_times(self, motions: Array) -> Array:
-        """What `tangent` makes of motions ``(n, k)``, in time and memory linear in n."""
+        """What `tangent` makes of motions ``(n, k)``, at a cost linear in n."""
         acting, pairs = self._forces_on_way
         padded = np.vstack([motions, np.zeros((self.model.size - self.n, motions.shape[1]))])
         result, S = self.springs_times(motions), self.stretching

@@ -157,7 +157,7 @@ def force_hessian_of(acting: Sequence[tuple[Kinematics, Array]]) -> Array:
 
 
 def force_hessian_times(acting: Sequence[tuple[Kinematics, Array]], motions: Array) -> Array:
-    """What `force_hessian_of` makes of motions ``(n, k)``, in time and memory linear in n.
+    """What `force_hessian_of` makes of motions ``(n, k)``, at a cost linear in n.
 
     Its entries are products of what joint i and what joint j alone have, so that their sums are cumulative.
     """
@@ -350,7 +350,7 @@ class Mechanism:
         return K
 
     def stiffness_times(self, reactions: Array, motions: Array) -> Array:
-        """What that stiffness makes of motions ``(n, k)``, in time and memory linear in n."""
+        """What that stiffness makes of motions ``(n, k)``, at a cost linear in n."""
         result = np.zeros_like(motions)
         for spring, where in self._alike:
             alone = len(where) == 1
