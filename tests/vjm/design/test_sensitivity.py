@@ -5,6 +5,7 @@ from importlib import resources
 
 import numpy as np
 import pytest
+from helpers.closed_machines import bridged_tree
 from helpers.file_texts import model_text, table_text
 from helpers.parameters import joint_compliance
 
@@ -407,3 +408,19 @@ def test_every_row_is_verified_and_a_wrong_one_is_doubtful(monkeypatch):
     monkeypatch.setattr(module, "derivative_at", lambda *asked: 0.2 * right(*asked))
     (row,) = module.sensitivity(arm(), [drive], "deflection", along="y", wrench=load).rows
     assert row.verification.doubtful
+
+
+@pytest.mark.parametrize(("make", "loads"), [
+    (lambda: vjm.load("planar-2r"), [Load((20.0, -50.0, 10.0, 300.0, 5.0, 7.0), "upper", 0.5, follower=True)]),
+    (lambda: vjm.load("palletiser"), []),
+    (bridged_tree, []),
+])  # fmt: skip
+def test_what_the_tangent_makes_of_motions_is_what_its_matrix_makes(make, loads):
+    """Of an arm with a load that turns with it, closed loops, and branches with a spring between them."""
+    asked = question(make(), wrench=(20.0, -50.0, 10.0, 100.0, 0.0, 50.0), loads=loads, engine=VjmEngine(3))
+    state = state_of(asked)
+    motions = np.random.default_rng(0).standard_normal((state.n, 3)) * state.unit[:, None]
+    for times, matrix in ((state.tangent_times, state.tangent), (state.springs_times, state.spring_stiffness)):
+        expected = matrix @ motions
+        # two orders of the same sums
+        assert np.abs(times(motions) - expected).max() < 1e-13 * np.abs(expected).max()
