@@ -30,7 +30,7 @@ from vjm.design.changes import (
 )
 from vjm.design.critical import critical_derivative, critical_state
 from vjm.design.linear_state import LinearState, Question, question, state_of
-from vjm.design.modes import REAL, eigenmodes, frequency_rates, total_mass
+from vjm.design.modes import eigenmodes, frequency_rates, total_mass
 from vjm.design.space import Designed, LoadCases, design_space
 from vjm.engines import VjmEngine
 from vjm.errors import NoConvergenceError
@@ -102,7 +102,7 @@ def reach(machine: Machine) -> float:
 # --- Derivatives against machines that are solved again: one central difference for each --------------------------
 
 APART = 1e-3
-"""Relative change of a parameter: a central difference errs by its square."""
+"""Relative change of a parameter: a central difference errs by its square. Modes no farther apart are equal."""
 SOLVED = 1e-8
 """Relative error of a quantity that is solved for, at most."""
 
@@ -618,11 +618,11 @@ def _moves(asked: Question, parameter: Parameter) -> bool:
 
 @lru_cache(maxsize=KEPT)
 def _lowest(base: LinearState) -> tuple[Array, Array] | None:
-    """Values ``(k,)`` and motions ``(n, k)`` of the lowest frequency; None where it has no rate of its own."""
+    """Values ``(k,)`` and motions ``(n, k)`` of the lowest modes, which are equal; None where there is no rate."""
     values, motions = eigenmodes(base, 2) if base.conservative else (np.zeros(1), np.zeros(1))
     if values[0] <= 0.0:
         return None
-    equal = values <= values[0] * (1.0 + REAL)
+    equal = values <= values[0] * (1.0 + APART)
     return values[equal], motions[:, equal]
 
 
