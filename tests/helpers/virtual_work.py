@@ -747,11 +747,7 @@ class Statics:
         return None
 
     def equilibrium(self, start=None):
-        """Unknowns ``(size,)`` in equilibrium; loads are put on in steps where Newton's method asks for it.
-
-        Raises:
-            NoEquilibriumError: it is not found.
-        """
+        """Unknowns ``(size,)`` in equilibrium; loads are put on in steps where Newton's method asks for it."""
         y = np.zeros(self.size)
         y[: self.n] = self.start if start is None else start
         found = self._newton(y, 1.0)
@@ -782,11 +778,7 @@ class Statics:
         return np.concatenate([self._position(at, site).imag / TINY, spin], axis=1).T
 
     def solve(self, start=None) -> Solution:
-        """The equilibrium with its stiffness.
-
-        Raises:
-            NoEquilibriumError: it is not found, or not to rounding.
-        """
+        """The equilibrium with its stiffness; an error where it is not found, or not to rounding."""
         y = self.equilibrium(start)
         residual = self.residual_at(y)
         if residual > EXACT:
@@ -882,14 +874,7 @@ def posture_values(chain: Machine, label: str) -> dict[str, float]:
 
 
 def with_support(chain: Machine, values: Mapping[str, float], free: Sequence[str], middle: str = ""):
-    """The machine with hinges and slides between its end-effector and a support, and its coordinates.
-
-    Args:
-        chain: the machine.
-        values: coordinates by name.
-        free: components of the pose that are free, of `COMPONENTS`.
-        middle: of three hinges the one that is the middle one.
-    """
+    """The machine with hinges and slides, `middle` one of three, to a support behind its end; its coordinates."""
     tool = Statics(chain, values).drawn[""]
     hinges = [name for name in ("ry", "rx", "rz") if name in free]
     if len(hinges) == 3 and middle in COMPONENTS:
