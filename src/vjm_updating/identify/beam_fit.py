@@ -14,12 +14,11 @@ from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
+from scipy.optimize import Bounds, least_squares, minimize
 
 from vjm.model.parts import Beam, Section
 from vjm.rotations import Array, rotation_from_vector
 from vjm_updating.constants import definition, numerical, tuned
-from vjm_updating.identify.rounding import smallest
 
 Numbers = NDArray[Any]
 """An array of real numbers, or of complex ones for derivatives."""
@@ -322,7 +321,7 @@ def _levelled(fit: BeamFit) -> BeamFit:
         return np.concatenate([y[n] - r, y[n] + r]), np.vstack([np.hstack([-J, ones]), np.hstack([J, ones])])
 
     goal = np.append(np.zeros(n), 1.0)
-    y = smallest(
+    y = _smallest(
         lambda y: (float(y[n]), goal),
         np.append(fit.x, 1.0),
         (np.append(low, 0.0), np.append(high, np.inf)),
@@ -332,6 +331,32 @@ def _levelled(fit: BeamFit) -> BeamFit:
     )
     other = BeamFit(space, y[:n])
     return other if other.worst < fit.worst else fit
+
+
+def _smallest(
+    objective: Callable[[Array], tuple[float, Array]],
+    start: Array,
+    bounds: tuple[Array, Array],
+    margins: Callable[[Array], tuple[Array, Array]],
+    *,
+    iterations: int,
+    tolerance: float,
+) -> Array:
+    """A local minimum ``(n,)`` by sequential quadratic programming, or the last point before it gave up.
+
+    Margins ``(m,)``, of which the derivatives ``(m, n)`` are given, too, must not be negative.
+    """
+    constraints: Any = {"type": "ineq", "fun": lambda x: margins(x)[0], "jac": lambda x: margins(x)[1]}
+    solution = minimize(
+        objective,
+        start,
+        jac=True,
+        method="SLSQP",
+        bounds=Bounds(*bounds),
+        constraints=constraints,
+        options={"maxiter": iterations, "ftol": tolerance},
+    )
+    return np.array(solution.x, dtype=float)
 
 
 def _starts(target: Target, form: Form) -> Iterator[tuple[Space, Array]]:
@@ -509,4 +534,4 @@ def _ahead(space: Space, x: Array, quantity: Quantity, sign: int, radius: float)
         return np.concatenate([1.0 - r, 1.0 + r]), np.vstack([-J, J])
 
     bounds = np.maximum(low, x - radius), np.minimum(high, x + radius)
-    return smallest(objective, x, bounds, margins, iterations=100, tolerance=1e-9)
+    return _smallest(objective, x, bounds, margins, iterations=100, tolerance=1e-9)

@@ -6,12 +6,10 @@ entries are a box. Only the points of the box at which the matrices are positive
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
-from scipy.optimize import Bounds, linprog, minimize
+from scipy.optimize import linprog
 
 from vjm.model.machine import Machine
 from vjm.model.parts import Beam
@@ -97,22 +95,10 @@ class AdmissibleRoundings:
             self.blocks.append((nominal, directions, self.margin * float(np.linalg.eigvalsh(nominal)[0])))
 
     def furthest(self, slope: Array) -> Array:
-        """Point ``(n,)`` of box and cone at which a linear function is largest."""
-
-        def highest(cuts: Array, limits: Array) -> Array:
-            return np.asarray(linprog(-slope, A_ub=cuts, b_ub=limits, bounds=(-1.0, 1.0)).x)
-
-        return self.within(highest)
-
-    def within(self, solve: Callable[[Array, Array], Array]) -> Array:
-        """What ``solve`` gives once it keeps to the cone, by cutting planes.
-
-        Args:
-            solve: given cuts ``(m, n)`` and limits ``(m,)``, a point ``(n,)`` with ``cuts @ point <= limits``.
-        """
+        """Point ``(n,)`` of box and cone at which a linear function is largest, by cutting planes."""
         cuts, limits = np.empty((0, len(self.entries))), np.empty(0)
         while True:
-            amounts = solve(cuts, limits)
+            amounts = np.asarray(linprog(-slope, A_ub=cuts, b_ub=limits, bounds=(-1.0, 1.0)).x)
             new = self._cuts(amounts)
             if not new:
                 return amounts
@@ -132,38 +118,3 @@ class AdmissibleRoundings:
                         cut[k] = -v @ E @ v
                     cuts.append((cut, float(v @ nominal @ v) - floor))
         return cuts
-
-
-# --- Smooth functions made small where others stay positive -------------------------------------------------------
-
-
-def smallest(
-    objective: Callable[[Array], tuple[float, Array]],
-    start: Array,
-    bounds: tuple[Array, Array],
-    margins: Callable[[Array], tuple[Array, Array]],
-    *,
-    iterations: int,
-    tolerance: float,
-) -> Array:
-    """A local minimum ``(n,)`` by sequential quadratic programming, or the last point before it gave up.
-
-    Args:
-        objective: its value and gradient ``(n,)``.
-        start: ``(n,)``.
-        bounds: lowest and highest coordinates ``(n,)``.
-        margins: what must not be negative ``(m,)``, and its derivative ``(m, n)``.
-        iterations: at most.
-        tolerance: of the objective.
-    """
-    constraints: Any = {"type": "ineq", "fun": lambda x: margins(x)[0], "jac": lambda x: margins(x)[1]}
-    solution = minimize(
-        objective,
-        start,
-        jac=True,
-        method="SLSQP",
-        bounds=Bounds(*bounds),
-        constraints=constraints,
-        options={"maxiter": iterations, "ftol": tolerance},
-    )
-    return np.array(solution.x, dtype=float)
