@@ -16,7 +16,7 @@ import scipy.linalg
 from scipy.optimize import nnls
 
 from vjm.continuation.path import Path, travel
-from vjm.design.linear_state import equilibrium_of, question
+from vjm.design.linear_state import equilibrium_of, loaded_posture
 from vjm.engines import Engine, EngineOptions, VjmEngine, engine_by_name
 from vjm.errors import NoConvergenceError
 from vjm.limits import LINEAR
@@ -252,9 +252,9 @@ def held_by_itself(chain: Machine, posture: str = "") -> bool:
     if not chain.is_tree:
         return False
     # imported when it is asked for: closing loops takes linear algebra that no chain needs
-    from vjm.machine.rigid_mechanism import Closing
+    from vjm.machine.rigid_mechanism import LoopClosure
 
-    closing = Closing(chain, posture or next(iter(chain.postures)))
+    closing = LoopClosure(chain, posture or next(iter(chain.postures)))
     return closing.mobility(closing.home).loose.shape[1] == 0
 
 
@@ -284,7 +284,7 @@ def of_free_end(
         NoConvergenceError: there is no equilibrium near, or it is unstable.
         ValueError: no such end frame, posture or part.
     """
-    asked = question(chain, posture, wrench=wrench, gravity=gravity, loads=loads, end=end, engine=engine)
+    asked = loaded_posture(chain, posture, wrench=wrench, gravity=gravity, loads=loads, end=end, engine=engine)
     model = engine.model(chain.at(posture))
     index = model.ends.index(asked.end)
     equilibrium = equilibrium_of(asked, model, compliance=True)

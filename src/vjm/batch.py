@@ -167,7 +167,7 @@ def beside(work: Callable[[], Result], jobs: int) -> Iterator[Callable[[], Resul
         return
     with _workers(operator.call, 1) as workers:
         (worker,) = workers
-        worker.at = range(1)
+        worker.rows = range(1)
         worker.line.send([work])
 
         def result() -> Result:
@@ -197,7 +197,7 @@ class _Worker:
 
     process: BaseProcess
     line: Connection[Any, Any]
-    at: range = range(0)
+    rows: range = range(0)
 
 
 @dataclass(frozen=True)
@@ -220,18 +220,18 @@ def _share(items: Sequence[Item], workers: list[_Worker], finish: Callable[[int,
         if seconds > 0.0:
             fair = MOST_OF_THE_REST * left / len(workers)
             size = max(1, int(min(CHUNK_SECONDS * finished / seconds, fair)))
-        worker.at = range(begun, min(begun + size, len(items)))
-        begun = worker.at.stop
-        if worker.at:
-            worker.line.send([items[index] for index in worker.at])
+        worker.rows = range(begun, min(begun + size, len(items)))
+        begun = worker.rows.stop
+        if worker.rows:
+            worker.line.send([items[index] for index in worker.rows])
 
     for worker in workers:
         send(worker)
-    while busy := [worker for worker in workers if worker.at]:
+    while busy := [worker for worker in workers if worker.rows]:
         ready = wait([worker.line for worker in busy])
         for worker in (worker for worker in busy if worker.line in ready):
             answer: _Answer[Result] = _received(worker)
-            indices = worker.at
+            indices = worker.rows
             finished += len(answer.results)
             seconds += answer.seconds
             if answer.error is None:
@@ -250,7 +250,7 @@ def _received(worker: _Worker) -> _Answer[Any]:
         worker.process.join(PATIENCE)
         raise RuntimeError(
             f"a process of the batch died with exit code {worker.process.exitcode} at items "
-            f"{worker.at.start} to {worker.at.stop - 1}"
+            f"{worker.rows.start} to {worker.rows.stop - 1}"
         ) from None
     return answer
 

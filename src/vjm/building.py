@@ -37,8 +37,7 @@ def axis(direction: str | Sequence[float]) -> Array:
     length = float(np.linalg.norm(given))
     if given.shape != (3,) or not np.isfinite(length) or not length:
         raise ValueError(f"axis {list(direction)} must be three finite numbers that are not all zero")
-    result: Array = given / length
-    return result
+    return given / length
 
 
 def build(

@@ -26,7 +26,7 @@ from vjm.machine.inverse_kinematics import (
     least_beyond,
     ranges_of,
 )
-from vjm.machine.rigid_mechanism import CLOSED, Closing, home_label
+from vjm.machine.rigid_mechanism import CLOSED, LoopClosure, home_label
 from vjm.model.machine import Machine
 from vjm.model.mechanism import Gravity, Mechanism
 from vjm.outcome import Outcome
@@ -198,7 +198,7 @@ class _LoadedArm:
     rotations: Array
     wrenches: Array
     gravity: Gravity | None
-    closing: Closing | None
+    closing: LoopClosure | None
 
     def closed(self, q: Array) -> Array:
         """Coordinates ``(s, n)`` with passive joints where closed loops put them, nan where they do not close."""
@@ -235,7 +235,7 @@ class _LoadedArm:
         )  # fmt: skip
         p, R = states.position[:, self.index], states.rotation[:, self.index]
         e = difference(p, R, self.positions[rows], self.rotations[rows])
-        e[~(states.found & states.stable & closes)] = np.nan
+        e[~(states.converged & states.stable & closes)] = np.nan
         return e
 
     def rigid_errors(self, q: Array, rows: np.ndarray) -> Array:
@@ -322,8 +322,7 @@ def _around(q: Array, ranges: Ranges) -> Array:
 
 def _projected(ways: Array, error: Array) -> Array:
     """What of errors ``(s, 6)`` lies along orthonormal directions ``(s, 6, 6)``, in the units of those."""
-    result: Array = np.einsum("gij,gj->gi", ways, error)
-    return result
+    return np.einsum("gij,gj->gi", ways, error)
 
 
 def _movable(arm: _LoadedArm, ranges: Ranges, q: Array, turns: bool) -> Array:
@@ -444,7 +443,7 @@ def _rows(name: str, rows: Sequence[Sequence[float]] | Array, columns: int, coun
 
 def _from_home(machine: Machine, positions: Array, turns: Array | None) -> tuple[Array, Array | None]:
     """The path in the world, whose poses count from home."""
-    home = Closing(machine, home_label(machine)).end
+    home = LoopClosure(machine, home_label(machine)).end
     vectors = np.zeros_like(positions) if turns is None else turns
     frames = np.array([displaced(home, pose) for pose in np.hstack([positions, vectors])])
     # what cannot keep its direction turns as its loops let it

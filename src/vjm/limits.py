@@ -22,13 +22,13 @@ class Limit:
     Attributes:
         what: it does not take, as the docs list it.
         why: the physical reason.
-        found: what offends in a machine, whose held joints stand at coordinates, or in a load case.
+        evidence: what offends in a machine, whose held joints stand at coordinates, or in a load case.
         remedy: what takes it.
     """
 
     what: str
     why: str
-    found: Found
+    evidence: Found
     remedy: str
 
     def refusal(self, engine: str, offender: str) -> ValueError:
@@ -148,6 +148,6 @@ def refuse(engine: str, chain: Machine, load_case: LoadCase | None = None) -> No
         part 'bar': msa does not take beams with a bow: its beams are straight
     """
     for limit in LIMITS[engine]:
-        offender = limit.found(chain, load_case)
+        offender = limit.evidence(chain, load_case)
         if offender:
             raise limit.refusal(engine, offender)

@@ -10,7 +10,7 @@ import numpy as np
 
 from vjm.io.checks import check_postures
 from vjm.machine.inverse_kinematics import postures_of
-from vjm.machine.rigid_mechanism import Closing, closed, home_label
+from vjm.machine.rigid_mechanism import LoopClosure, closed, home_label
 from vjm.model.joint_limits import joint_limits, said_turned
 from vjm.model.machine import Machine, pushed_out
 from vjm.model.mechanism import Mechanism
@@ -131,7 +131,7 @@ def _closed_in(machine: Machine, posture: Posture) -> tuple[Machine, str]:
     known = f"x,y,z of the end-effector from home, or by name {', '.join(held) or 'no joint'}"
     if isinstance(posture, str):
         posture = _parsed(machine, posture, known)
-    closing = Closing(machine, home_label(machine))
+    closing = LoopClosure(machine, home_label(machine))
     if isinstance(posture, Mapping):
         values = {name: float(value) for name, value in posture.items()}
         label = ",".join(f"{name}={value:.12g}" for name, value in values.items())

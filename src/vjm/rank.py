@@ -93,8 +93,7 @@ def beyond(rows: Array, held: Array) -> Array:
         return rows
     _, values, Vt = np.linalg.svd(held, full_matrices=False)
     V = Vt[: int(decided(values, max(held.shape))[0])]
-    result: Array = rows - (rows @ V.T) @ V
-    return result
+    return rows - (rows @ V.T) @ V
 
 
 def least_norm(A: Array, b: Array) -> Array:
@@ -103,5 +102,4 @@ def least_norm(A: Array, b: Array) -> Array:
     rank, _ = decided(values, max(A.shape[1:]))
     kept = np.arange(values.shape[1]) < rank[:, None]
     y = np.einsum("grk,gr->gk", U, b) * np.where(kept, 1.0 / np.where(kept, values, 1.0), 0.0)
-    result: Array = np.einsum("gkn,gk->gn", Vt, y)
-    return result
+    return np.einsum("gkn,gk->gn", Vt, y)

@@ -26,8 +26,7 @@ def cross(a: Array, b: Array) -> Array:
         >>> cross(np.array([1.0, 0.0, 0.0]), np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])).tolist()
         [[0.0, 0.0, 1.0], [0.0, -1.0, 0.0]]
     """
-    result: Array = a[..., [1, 2, 0]] * b[..., [2, 0, 1]] - a[..., [2, 0, 1]] * b[..., [1, 2, 0]]
-    return result
+    return a[..., [1, 2, 0]] * b[..., [2, 0, 1]] - a[..., [2, 0, 1]] * b[..., [1, 2, 0]]
 
 
 def skew(v: ArrayLike) -> Array:
@@ -44,8 +43,7 @@ def rotation_from_vector(v: ArrayLike) -> Array:
     # sinc forms stay exact through angle = 0
     a = np.sinc(angle / np.pi)
     b = 0.5 * np.sinc(angle / (2.0 * np.pi)) ** 2
-    result: Array = np.eye(3) + a * S + b * (S @ S)
-    return result
+    return np.eye(3) + a * S + b * (S @ S)
 
 
 def rotations_from_vectors(v: Array) -> Array:
@@ -58,8 +56,7 @@ def rotations_from_vectors(v: Array) -> Array:
     angle = np.linalg.norm(v, axis=-1)[..., None, None]
     S = cross(v[..., None, :], np.eye(3)).swapaxes(-1, -2)
     a, b = np.sinc(angle / np.pi), 0.5 * np.sinc(angle / (2.0 * np.pi)) ** 2
-    result: Array = np.eye(3) + a * S + b * (S @ S)
-    return result
+    return np.eye(3) + a * S + b * (S @ S)
 
 
 def roll_pitch_yaw(R: Array) -> tuple[float, float, float]:
@@ -84,8 +81,7 @@ def rotation_vector(R: Array) -> Array:
         return w
     if sine < 1e-9:
         raise ValueError("rotation by a half turn has no unique rotation vector")
-    result: Array = w * (np.arctan2(sine, cosine) / sine)
-    return result
+    return w * (np.arctan2(sine, cosine) / sine)
 
 
 def unit_quaternion(R: Array) -> tuple[float, float, float, float]:
@@ -116,8 +112,7 @@ def rotation_vectors(R: Array) -> Array:
     sine, cosine = np.linalg.norm(w, axis=-1), 0.5 * (np.trace(R, axis1=-2, axis2=-1) - 1.0)
     small = sine < 1e-9
     few = np.where(cosine > 0.0, 1.0, np.nan)
-    result: Array = w * np.where(small, few, np.arctan2(sine, cosine) / np.where(small, 1.0, sine))[..., None]
-    return result
+    return w * np.where(small, few, np.arctan2(sine, cosine) / np.where(small, 1.0, sine))[..., None]
 
 
 _IDENTITY = np.eye(4)
@@ -181,13 +176,11 @@ def shift_compliance(compliance: Array, offset: ArrayLike) -> Array:
     """
     A = np.eye(6)
     A[:3, 3:] = -skew(offset)
-    result: Array = A @ compliance @ A.T
-    return result
+    return A @ compliance @ A.T
 
 
 def rotate_matrix6(matrix: Array, R: Array) -> Array:
     """A 6×6 compliance or stiffness ``(6, 6)`` given in a frame, expressed in the frame's parent."""
     B: Any = np.zeros((6, 6))
     B[:3, :3] = B[3:, 3:] = R
-    result: Array = B @ matrix @ B.T
-    return result
+    return B @ matrix @ B.T

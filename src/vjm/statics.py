@@ -81,8 +81,7 @@ def statics_residual(model: Mechanism, k: Kinematics, x: Array, wrench: Array) -
     passive[model.passive] = reactions[model.passive]
     sprung = model.strain(reactions) - x
     sprung[model.passive] = 0.0
-    result: Array = passive + model.stiffness_under(reactions) @ sprung
-    return result
+    return passive + model.stiffness_under(reactions) @ sprung
 
 
 def scaled_norm(model: Mechanism, statics: Array, gap: Array, wrench: Array) -> float:
@@ -240,7 +239,7 @@ def stability(state: Configuration, device: Array | None = None) -> Stability:
             return _verdict(state, device)
         except np.linalg.LinAlgError:
             return Stability(0.0, 0)
-    unstable = compiled.visit(state.x, state.wrench, state.load)
+    unstable = compiled.factorise(state.x, state.wrench, state.load)
     try:
         eigenvalue = compiled.smallest(state.x, state.wrench, state.load)
     except np.linalg.LinAlgError:
@@ -288,8 +287,7 @@ def _verdict(state: Configuration, device: Array | None) -> Stability:
 
 
 def _is_real(values: Array) -> np.ndarray:
-    result: np.ndarray = np.abs(values.imag) <= REAL * np.abs(values)
-    return result
+    return np.abs(values.imag) <= REAL * np.abs(values)
 
 
 def _of_values(values: Array, negative: int, turning: bool) -> Stability:

@@ -34,7 +34,7 @@ class DoubtRow(Row):
 
 def doubt_rows(findings: Iterable[Finding]) -> list[DoubtRow]:
     """Findings as a document has them."""
-    return [DoubtRow(grade=str(one.grade), where=one.where, found=one.found) for one in findings]
+    return [DoubtRow(grade=str(one.grade), where=one.where, found=one.description) for one in findings]
 
 
 class VersionRow(Row):

@@ -38,14 +38,14 @@ class Result(Outcome, Generic[F]):
     """What was found in data.
 
     Attributes:
-        found: every figure, as the JSON document has it.
+        figures: every figure, as the JSON document has it.
         models: text of each model file by its name; empty where the model is not for use.
         draw: makes the page of a document; None where there is none.
     """
 
     NAME: ClassVar[str]
 
-    found: F
+    figures: F
     models: Mapping[str, str]
     draw: Callable[[F], str] | None = None
 
@@ -59,11 +59,11 @@ class Result(Outcome, Generic[F]):
 
     def stamped(self, made_of: Provenance) -> Self:
         """With what it was made of in its document."""
-        return replace(self, found=self.found.model_copy(update={"made_of": dict(made_of.inputs)}))
+        return replace(self, figures=self.figures.model_copy(update={"made_of": dict(made_of.inputs)}))
 
     def document(self) -> dict[str, Any]:
         """The JSON document, of lists, texts and numbers."""
-        return self.found.model_dump(mode="json")
+        return self.figures.model_dump(mode="json")
 
     def page(self) -> str:
         """The page as HTML that needs nothing else.
@@ -76,7 +76,7 @@ class Result(Outcome, Generic[F]):
             raise ValueError(f"a {self.NAME} of a test of this kind has no page: see its document")
         if why := why_no_page():
             raise ImportError(f"no page: {why}")
-        return self.draw(self.found)
+        return self.draw(self.figures)
 
     def write(self, out: Path | str) -> None:
         """Write document, model files and page into a folder: all at the end or none.
@@ -87,7 +87,7 @@ class Result(Outcome, Generic[F]):
             OSError: the folder cannot be written to.
         """
         folder = Path(out)
-        files: dict[Path, str] = {folder / f"{self.NAME}.json": as_json(self.found)}
+        files: dict[Path, str] = {folder / f"{self.NAME}.json": as_json(self.figures)}
         files |= {folder / name: text for name, text in self.models.items() if text}
         page = folder / f"{self.NAME}.html"
         write_together(files | (page_of(page, self.page) if self.draw else {}))
@@ -131,7 +131,7 @@ class DiagnosisResult(Result[D]):
 
     def lines(self) -> list[str]:
         """Verdict, causes with their parameters, the residual, and what to measure next."""
-        document = self.found
+        document = self.figures
         return lines_of_poses(document) if isinstance(document, PoseDiagnosis) else lines_of_ramps(document)
 
     def rows(self) -> list[dict[str, Any]]:
@@ -144,7 +144,7 @@ class DiagnosisResult(Result[D]):
                 "share": row.share,
                 "places": ", ".join(place.place for place in row.places),
             }
-            for row in self.found.findings.causes
+            for row in self.figures.findings.causes
         ]
 
     def plot(self, ax: Axes | None = None) -> Axes:
@@ -158,7 +158,7 @@ class DiagnosisResult(Result[D]):
         ax = axes_or_new(ax)
         from vjm_updating.diagnosis.figures import bars
 
-        bars(ax, self.found.findings)
+        bars(ax, self.figures.findings)
         return ax
 
 
@@ -179,7 +179,7 @@ class CalibrationResult(Result[C]):
 
     def lines(self) -> list[str]:
         """How well it fits, the parameters with their uncertainty, predictions, and what to measure next."""
-        document = self.found
+        document = self.figures
         return (
             lines_of_poses(document) if isinstance(document, PoseCalibration) else fit_report(document).splitlines()
         )
@@ -217,7 +217,7 @@ class CalibrationResult(Result[C]):
         return ax
 
     def _parameters(self) -> Sequence[ParameterRow | MemberRow]:
-        document = self.found
+        document = self.figures
         if isinstance(document, PoseCalibration):
             return [row for family in document.families for row in family.members]
         return document.parameters

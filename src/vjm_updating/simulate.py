@@ -40,16 +40,16 @@ from vjm_updating.experiment import Kind, Readings, read_sheet
 from vjm_updating.experiment.data_file import POSE, POSTURE, RUN, TEMPERATURE, TIME, WRENCH, SheetError, split_point
 from vjm_updating.experiment.measurement import planned_measurement
 from vjm_updating.experiment.sheet import Sheet
-from vjm_updating.inference.fitting import Fitter, whitening_of
+from vjm_updating.inference.fitting import LeastSquaresProblem, whitening_of
 from vjm_updating.inference.instruments import InstrumentErrors
 from vjm_updating.inference.load_forward import LoadForward
 from vjm_updating.inference.observed import Observed, observe_loads
-from vjm_updating.inference.parameters import Coordinate, coordinates, nuisance_coordinates, release_key, start
+from vjm_updating.inference.parameters import FitParameter, coordinates, nuisance_coordinates, release_key, start
 from vjm_updating.mechanisms.catalogue import plug_in
 from vjm_updating.mechanisms.drives import ActuatorCompliance
 from vjm_updating.mechanisms.effect import Effect, Quantity
 from vjm_updating.mechanisms.loads import Gravity, LoadMisalignment
-from vjm_updating.mechanisms.modified_chain import ModifiedChain, standing_free
+from vjm_updating.mechanisms.modified_chain import ModifiedMachine, standing_free
 from vjm_updating.mechanisms.structure import BaseCompliance, LinkBow
 
 Hidden = tuple[Effect, list[float]]
@@ -180,7 +180,7 @@ class BeamMachine:
         """
         errors = InstrumentErrors.of(off)
         place = errors.true_displacement(self.pose)
-        machine = ModifiedChain(self.chain, VjmEngine())
+        machine = ModifiedMachine(self.chain, VjmEngine())
         for (kind, name), value in off.items():
             if kind == Kind.LENGTH:
                 machine = machine.longer(name, value)
@@ -428,7 +428,7 @@ class _Machine:
 
     kind: RampTest
     observed: Observed
-    nuisances: tuple[Coordinate, ...]
+    nuisances: tuple[FitParameter, ...]
     effects: tuple[Effect, ...]
     values: list[list[float]]
     engine: str = ""
@@ -440,12 +440,12 @@ class _Machine:
             off = {(c.kind, c.subject): c.value(float(z)) for c, z in zip(self.nuisances, released, strict=True)}
             readings, hidden = self.observed.readings, tuple(zip(self.effects, self.values, strict=True))
             chain = self.observed.measurement.chain
-            beams = BeamMachine(chain, readings.posture, readings.run, self.observed.pose, hidden, self.engine)
+            beams = BeamMachine(chain, readings.posture, readings.run, self.observed.imposed, hidden, self.engine)
             return beams.wrench(off)
         unknowns = coordinates(self.nuisances, self.effects)
         z = start(unknowns, self.effects, self._released(drawn), self.values)
         evaluation = self.kind.forward(self.observed).evaluate(unknowns, z, self.effects)
-        return self.observed.wrench - evaluation.residual
+        return self.observed.measured - evaluation.residual
 
     def _released(self, drawn: Array) -> Array:
         """Nuisances with those that an effect sets, which has no coordinate of its own."""
@@ -562,7 +562,7 @@ def simulated(
     nominal = _Machine(kind, observed, tuple(nuisance_coordinates(observed)), (), [])
     rest = np.zeros(len(nominal.nuisances))
     # effects know the test by its forces
-    scene = replace(observed, wrench=np.where(observed.present, nominal.wrench(rest), np.nan))
+    scene = replace(observed, measured=np.where(observed.present, nominal.wrench(rest), np.nan))
     hidden = parsed_effects(hide, kind.effects(scene, more))
     for effect, _ in hidden if engine else ():
         if effect.cause not in CARRIED:
@@ -637,7 +637,7 @@ def _planned(page: Sheet, ramps: list[PlannedRamp]) -> tuple[RampTest, Observed,
         under = observe_loads(measurement)
         nuisances = nuisance_coordinates(under)
         evaluation = LoadForward(under).evaluate(nuisances, np.zeros(len(nuisances)), ())
-        moved = dict(zip(under.columns, evaluation.wrench.T, strict=True))
+        moved = dict(zip(under.columns, evaluation.prediction.T, strict=True))
         measurement = planned_measurement(page, replace(readings, values=readings.values | moved))
     kind = kind_of(measurement)
     return kind, kind.observe(measurement), ramps
@@ -650,7 +650,7 @@ def _strength(nominal: _Machine, machine: _Machine) -> tuple[float, float, float
     rest = np.zeros(len(unknowns))
     forward = machine.kind.forward(observed)
     evaluation = forward.evaluate(unknowns, rest, ())
-    fitter = Fitter(forward, nominal.nuisances, whitening_of(observed, evaluation))
+    fitter = LeastSquaresProblem(forward, nominal.nuisances, whitening_of(observed, evaluation))
     change = np.where(observed.present, machine.wrench(rest) - nominal.wrench(rest), 0.0)
     known = np.diag([1.0 if c.sigma > 0.0 else 0.0 for c in unknowns])
     strength, left = left_over(fitter, change, fitter.slopes(unknowns, evaluation, ()), known, unknowns)

@@ -15,7 +15,7 @@ from vjm_updating.inference.noise import uncorrelated_noise
 from vjm_updating.mechanisms.column import column_force
 from vjm_updating.mechanisms.equilibrium_tables import HalfRay, Sheaf, tabulate
 from vjm_updating.mechanisms.hysteresis import friction_torques
-from vjm_updating.mechanisms.modified_chain import ModifiedChain
+from vjm_updating.mechanisms.modified_chain import ModifiedMachine
 from vjm_updating.mechanisms.relaxation import Relaxation, relaxing
 from vjm_updating.mechanisms.series_elements import History, retarded, yielding
 
@@ -23,7 +23,7 @@ from vjm_updating.mechanisms.series_elements import History, retarded, yielding
 def histories() -> None:
     """Go through two readings of every kind."""
     along = np.eye(6)[[0, 0]]
-    machine = ModifiedChain(load_chain("orthoglide-chain"), VjmEngine(4))
+    machine = ModifiedMachine(load_chain("orthoglide-chain"), VjmEngine(4))
     table = tabulate(machine, HalfRay.of("A", along[0], 0.1), ())
     both, own = np.zeros((2, 2), dtype=np.int64), 0.05 * along
     sheaf = Sheaf([table], both, along, along)

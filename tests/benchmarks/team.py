@@ -14,7 +14,7 @@ import numpy as np
 from vjm.engines import VjmEngine
 from vjm.io.machine_file import load_model
 from vjm.machine.equilibria import equilibria
-from vjm.machine.rigid_mechanism import Closing, home_label
+from vjm.machine.rigid_mechanism import LoopClosure, home_label
 from vjm_updating.maps.evaluate import OK, MapQuantity, MapSetting, MapTask, evaluate
 from vjm_updating.maps.grid import parsed_grid, points_of
 
@@ -30,7 +30,7 @@ def platforms():
     Each platform is under a force of its own, 240 N on average.
     """
     robot = load_model(ROBOT)
-    model, closing = VjmEngine().model(robot), Closing(robot, home_label(robot))
+    model, closing = VjmEngine().model(robot), LoopClosure(robot, home_label(robot))
     axes = [np.linspace(a, b, 28) for a, b in zip(*robot.workspace, strict=True)]
     scan = np.array(np.meshgrid(*axes, indexing="ij")).reshape(3, -1).T[:POSES]
     wrenches = np.zeros((len(scan), 1, 6))

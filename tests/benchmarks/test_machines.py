@@ -10,7 +10,7 @@ from vjm.engines import VjmEngine
 from vjm.io.machine_file import load_model
 from vjm.machine.critical_force import CriticalForce
 from vjm.machine.equilibria import equilibria
-from vjm.machine.rigid_mechanism import Closing, home_label
+from vjm.machine.rigid_mechanism import LoopClosure, home_label
 from vjm.model.machine import Machine
 from vjm.model.mechanism import Mechanism
 from vjm.model.parts import Joint, RigidOffset
@@ -39,7 +39,7 @@ def fastest(work):
 def test_an_arm_in_many_postures_under_its_weight(record):
     model = VjmEngine().model(vjm.load("ur10"))
     q = np.random.default_rng(0).uniform(-2.0, 2.0, (EQUILIBRIA, len(model.joints)))
-    assert equilibria(model, q, gravity=GRAVITY).found.all()
+    assert equilibria(model, q, gravity=GRAVITY).converged.all()
     value = fastest(lambda: equilibria(model, q, gravity=GRAVITY))
     record("ur10_100000_equilibria_s", value, "s", f"<= {ARM_S:g}", value <= ARM_S)
 
@@ -58,7 +58,7 @@ def test_a_pose_of_a_platform(name, record):
     rows, closing = np.tile(q, (POSES, 1)), None
     if name != "hexapod":
         robot = load_model(name)
-        closing = Closing(robot, home_label(robot))
+        closing = LoopClosure(robot, home_label(robot))
         low, high = robot.workspace
         poses = np.zeros((POSES, 6))
         # a scan: neighbours next to one another
@@ -101,7 +101,7 @@ def test_what_a_large_tree_takes_over_a_small_one(record):
         model = branched(n)
         q = np.random.default_rng(0).uniform(-1.0, 1.0, (400, n))
         found = equilibria(model, q, gravity=GRAVITY)
-        assert found.found.all()
+        assert found.converged.all()
         took.append(fastest(lambda model=model, q=q: equilibria(model, q, gravity=GRAVITY)))
     value = took[1] / took[0]
     record("tree_n256_over_n32", value, "", f"<= {RATIO:g}", value <= RATIO)

@@ -11,7 +11,7 @@ import pinocchio
 from scipy.linalg import eigh
 
 from helpers.as_pinocchio import mimics
-from vjm.design.linear_state import LinearState, loading, question
+from vjm.design.linear_state import LinearState, loaded_posture, loading
 from vjm.design.modes import HEAVIEST, MM_PER_M, mass_matrix, modes_of
 from vjm.engines import refuse_unbuildable
 from vjm.io.bounded_xml import XmlElement, read_xml
@@ -323,7 +323,7 @@ def _difference(machine: Machine, found: Imported, theirs: Engine, q: Mapping[st
     open_tree = replace(
         machine, closures=(), couplings=(), poses={}, postures={"random": passive}, held={"random": held}
     )
-    asked = question(open_tree, "random", gravity=(0.0, 0.0, -G))
+    asked = loaded_posture(open_tree, "random", gravity=(0.0, 0.0, -G))
     model = Mechanism(open_tree.at("random"))
     x = model.configuration(passive)
     state = LinearState(asked, model, x, np.zeros(6), NO_LOADS, np.zeros(6))

@@ -38,7 +38,7 @@ def first_losses(model: Mechanism, q: np.ndarray, directions: np.ndarray, most: 
         step = np.hstack([directions[going], np.zeros((len(going), 3))]) * (ahead - good[going])[:, None]
         foreseen = np.linalg.norm(scale * np.einsum("kab,kb->ka", C[going], step), axis=1)
         gone = np.linalg.norm(scale * (now.deflection[:, 0] - moved[going]), axis=1)
-        kept = now.found & now.stable & (gone <= 2.0 * foreseen)
+        kept = now.converged & now.stable & (gone <= 2.0 * foreseen)
         on = going[kept]
         good[on], x[on], closures[on] = ahead[kept], now.x[kept], now.closures[kept]
         moved[on], C[on] = now.deflection[kept, 0], now.compliance[kept, 0]

@@ -23,7 +23,7 @@ def _diagnose(
 ) -> Diagnosis | PoseDiagnosis:
     result = diagnosed(load_data(data, sheet), beside=[load_data(*files) for files in beside], **options)
     result.write(out)
-    return result.found
+    return result.figures
 
 
 def diagnose(
@@ -48,8 +48,8 @@ def calibrate(data: Path, sheet: Path, out: Path, fit: Sequence[str] = (), **opt
     """By a test of ramps, by loads or of a joint."""
     result = calibrated(load_data(data, sheet), fit=fit, **options)
     result.write(out)
-    assert isinstance(result.found, Calibration)
-    return result.found
+    assert isinstance(result.figures, Calibration)
+    return result.figures
 
 
 def calibrate_poses(
@@ -67,8 +67,8 @@ def calibrate_poses(
     others = [load_data(*files) for files in beside]
     result = calibrated(load_data(data, sheet), fit=families, next_tests=further, beside=others, **options)
     result.write(out)
-    assert isinstance(result.found, PoseCalibration)
-    return result.found
+    assert isinstance(result.figures, PoseCalibration)
+    return result.figures
 
 
 def prepared(data: Path, sheet: Path) -> tuple[RobotMeasurement, Study]:

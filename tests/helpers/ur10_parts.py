@@ -48,7 +48,7 @@ def judged(part: str, series: str, folder: Path) -> tuple[int, PoseCalibration, 
     sheet = EXAMPLE / "sheet.toml"
     other = EXAMPLE / SERIES[series == SERIES[0]]
     beside = [load_data(files["outside"], sheet), load_data(other, sheet)]
-    found = calibrate(load_data(files["inside"], sheet), beside=beside).found
+    found = calibrate(load_data(files["inside"], sheet), beside=beside).figures
     assert isinstance(found, PoseCalibration)
     there = [row for row in found.written.compared if row.where.startswith("on ") and "own" not in row.against]
     return int(own.sum()), found, there

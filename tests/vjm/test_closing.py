@@ -10,7 +10,7 @@ from vjm.io.machine_file import build_machine, load_model
 from vjm.io.manipulator_file import manipulators
 from vjm.io.model_file import written_document
 from vjm.machine.platforms import assembled
-from vjm.machine.rigid_mechanism import Closing, PoseError, home_label
+from vjm.machine.rigid_mechanism import LoopClosure, PoseError, home_label
 from vjm.model.machine import Machine
 from vjm.model.parts import Beam, Closure, Joint, Part, RigidOffset
 from vjm.rotations import Array, displaced, displacement_between, translation, turn
@@ -22,12 +22,12 @@ Z = np.array([0.0, 0.0, 1.0])
 
 
 @pytest.fixture(scope="module", params=ROBOTS)
-def robot(request: pytest.FixtureRequest) -> tuple[Machine, Closing]:
+def robot(request: pytest.FixtureRequest) -> tuple[Machine, LoopClosure]:
     machine = load_model(str(request.param))
-    return machine, Closing(machine, home_label(machine))
+    return machine, LoopClosure(machine, home_label(machine))
 
 
-def test_every_pose_is_closed_and_puts_the_platform_there(robot: tuple[Machine, Closing]) -> None:
+def test_every_pose_is_closed_and_puts_the_platform_there(robot: tuple[Machine, LoopClosure]) -> None:
     manipulator, closing = robot
     for displacement in manipulator.poses.values():
         q = closing.displaced(displacement)[None]
@@ -36,7 +36,7 @@ def test_every_pose_is_closed_and_puts_the_platform_there(robot: tuple[Machine, 
         assert np.abs(end - displaced(closing.end, displacement)).max() < SAME * closing.tree.length
 
 
-def test_drives_bring_the_end_effector_back(robot: tuple[Machine, Closing]) -> None:
+def test_drives_bring_the_end_effector_back(robot: tuple[Machine, LoopClosure]) -> None:
     manipulator, closing = robot
     drives = [n for n, p in zip(closing.tree.names, closing.tree.passive, strict=True) if not p]
     if not drives:
@@ -80,7 +80,7 @@ def four_bar_angles(a: float, b: float, c: float, d: float, crank: float) -> dic
 
 def test_four_bar_linkage_is_that_of_the_law_of_cosines() -> None:
     lengths = (100.0, 260.0, 220.0, 300.0)
-    closing = Closing(four_bar(*lengths), four_bar_angles(*lengths, 0.9))
+    closing = LoopClosure(four_bar(*lengths), four_bar_angles(*lengths, 0.9))
     for crank in (0.5, 1.0, 1.6, 2.2):
         q = dict(zip(closing.tree.names, closing.held({"crank": crank}), strict=True))
         expected = four_bar_angles(*lengths, crank)
@@ -90,7 +90,7 @@ def test_four_bar_linkage_is_that_of_the_law_of_cosines() -> None:
 
 def test_four_bar_linkage_counts_its_redundant_constraints() -> None:
     lengths = (100.0, 260.0, 220.0, 300.0)
-    closing = Closing(four_bar(*lengths), four_bar_angles(*lengths, 0.9))
+    closing = LoopClosure(four_bar(*lengths), four_bar_angles(*lengths, 0.9))
     found = closing.mobility(closing.home)
     # a planar loop closed by a weld in space: three of six rows say what the plane says already
     assert (found.freedom, found.idle_freedom, found.redundant) == (1, 0, 3)
@@ -98,7 +98,7 @@ def test_four_bar_linkage_counts_its_redundant_constraints() -> None:
 
 def test_a_wanted_place_without_its_turns_is_reached() -> None:
     lengths = (100.0, 260.0, 220.0, 300.0)
-    closing = Closing(four_bar(*lengths), four_bar_angles(*lengths, 0.9))
+    closing = LoopClosure(four_bar(*lengths), four_bar_angles(*lengths, 0.9))
     target = closing.held({"crank": 1.2})
     x = closing.tree.end_frames(target[None])[0, 0, 3] - closing.end[0, 3]
     q = closing.displaced(np.array([x, 0.0, 0.0, 0.0, 0.0, 0.0]), (True, False, False, False, False, False))
@@ -108,7 +108,7 @@ def test_a_wanted_place_without_its_turns_is_reached() -> None:
 def test_what_is_out_of_reach_names_the_open_closure() -> None:
     # ground + coupler > crank + rocker: the crank cannot turn all round
     lengths = (200.0, 120.0, 150.0, 300.0)
-    closing = Closing(four_bar(*lengths), four_bar_angles(*lengths, 0.5))
+    closing = LoopClosure(four_bar(*lengths), four_bar_angles(*lengths, 0.5))
     with pytest.raises(PoseError, match=r"closure 'loop' stays .* mm and .* rad open"):
         closing.held({"crank": 2.5})
 
@@ -117,11 +117,11 @@ def test_a_home_that_does_not_close_is_refused() -> None:
     lengths = (100.0, 260.0, 220.0, 300.0)
     angles = four_bar_angles(*lengths, 0.9)
     with pytest.raises(PoseError, match=r"closure 'loop' does not close at home: its frames are .* apart"):
-        Closing(four_bar(*lengths), {**angles, "rocker": angles["rocker"] + 0.5})
+        LoopClosure(four_bar(*lengths), {**angles, "rocker": angles["rocker"] + 0.5})
 
 
 def test_many_poses_close_from_their_neighbours() -> None:
-    closing = Closing(load_model("orthoglide"), "isotropic")
+    closing = LoopClosure(load_model("orthoglide"), "isotropic")
     shifts = np.zeros((200, 6))
     shifts[:, :3] = np.random.default_rng(1).uniform(-5.0, 5.0, (200, 3))
     wanted = np.tile(closing.end, (200, 1, 1))
@@ -134,7 +134,7 @@ def test_many_poses_close_from_their_neighbours() -> None:
 
 
 def test_poses_from_neighbours_are_those_from_home() -> None:
-    closing = Closing(load_model("delta"), "home")
+    closing = LoopClosure(load_model("delta"), "home")
     shifts = np.zeros((40, 6))
     shifts[:, :3] = np.random.default_rng(2).uniform(-120.0, 120.0, (40, 3))
     # one that no arm reaches
@@ -148,7 +148,7 @@ def test_poses_from_neighbours_are_those_from_home() -> None:
 
 def test_neighbours_do_not_lead_past_a_singularity() -> None:
     # beyond the singular point L/√3 = 178.98 the Orthoglide's platform answers its drives the other way
-    closing = Closing(load_model("orthoglide"), "isotropic")
+    closing = LoopClosure(load_model("orthoglide"), "isotropic")
     shifts = np.zeros((60, 6))
     shifts[:, :3] = np.linspace(0.0, 230.0, 60)[:, None]
     _, why = closing.all_displaced(shifts)

@@ -53,7 +53,7 @@ def _free(case: Case) -> Answer:
     loads = [*case.loads, *(Load(wrench) for end, wrench in case.wrenches.items() if end not in model.ends)]
     wrench = np.array([case.wrenches[end] for end in model.ends])
     found = equilibria(model, case.values, gravity=case.gravity, wrench=wrench, loads=loads)
-    assert found.found[0]
+    assert found.converged[0]
     frames = {}
     for k, end in enumerate(model.ends):
         frames[end] = np.eye(4)

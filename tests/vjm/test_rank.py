@@ -10,11 +10,11 @@ import vjm
 from vjm.analysis import trace
 from vjm.continuation.path import EventKind
 from vjm.design.critical import critical_state
-from vjm.design.linear_state import question, state_of
+from vjm.design.linear_state import loaded_posture, state_of
 from vjm.design.sensitivity import DesignQuantity, compliance, derivative_at
 from vjm.engines import VjmEngine
 from vjm.io.files import toml_text
-from vjm.machine.rigid_mechanism import Closing
+from vjm.machine.rigid_mechanism import LoopClosure
 from vjm.model.load_case import COMPONENTS, LOAD, Load, LoadCase
 from vjm.model.parameters import Parameter
 from vjm.rank import decided, least_norm, null_space, rank_of, span
@@ -119,7 +119,7 @@ def hexapod(rng: np.random.Generator, compliances, file):
 def test_a_loop_of_rigid_bars_buckles_at_its_closed_form(stiffness, tmp_path):
     rng = np.random.default_rng(7)
     machine, R, load = two_bars(rng, stiffness, tmp_path / "bars.toml")
-    mobility = Closing(machine, "drawn").mobility(Closing(machine, "drawn").home)
+    mobility = LoopClosure(machine, "drawn").mobility(LoopClosure(machine, "drawn").home)
     # in line the head does not move to first order
     assert (mobility.redundant, mobility.freedom) == (3, 0)
     down = [*(-R[:, 2]).tolist(), 0.0, 0.0, 0.0]
@@ -131,7 +131,7 @@ def test_a_loop_of_rigid_bars_buckles_at_its_closed_form(stiffness, tmp_path):
     assert np.all(np.isinf([point.tangent for point in path.points if point.ramp < load]))
     assert path.critical.point.ramp == pytest.approx(load, rel=1e-5)
     assert path.points[0].unstable == 0
-    found = critical_state(question(machine, wrench=tuple(load * v for v in down)))
+    found = critical_state(loaded_posture(machine, wrench=tuple(load * v for v in down)))
     # Newton's method ends at 1e-11 of the factor
     assert found.factor == pytest.approx(1.0, rel=1e-9)
 
@@ -158,7 +158,7 @@ def test_compliances_of_many_decades_are_no_matter_of_rank(tmp_path):
     compliances = 10.0 ** rng.permutation([-14.0, -11.0, -8.0, -6.0, -4.0, -3.0])
     machine, moves = hexapod(rng, compliances, tmp_path / "hexapod.toml")
     wrench = rng.uniform(-1.0, 1.0, 6) * np.repeat([1.0, 100.0], 3)
-    asked = question(machine, wrench=(1e-3 * wrench).tolist())
+    asked = loaded_posture(machine, wrench=(1e-3 * wrench).tolist())
     state = state_of(asked)
     expected = (moves * compliances) @ moves.T
     unit = np.repeat([300.0, 1.0], 3)

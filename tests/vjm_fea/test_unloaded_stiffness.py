@@ -16,7 +16,7 @@ from helpers.virtual_work import Statics, posture_values
 from vjm.engines import engine_by_name
 from vjm.io.machine_file import load_model
 from vjm.io.model_file import load_chain
-from vjm.machine.rigid_mechanism import Closing
+from vjm.machine.rigid_mechanism import LoopClosure
 from vjm.model.load_case import LoadCase
 from vjm.model.machine import Machine, legs_of
 from vjm.model.parts import Beam, Joint, JointCoupling, PointSpring, RigidOffset, Section
@@ -218,7 +218,7 @@ def test_platform_is_the_sum_of_its_legs_energies(engine: str):
     robot = sections_only(load_model("orthoglide"))
     solver = engine_by_name(engine, chain=robot)
     label = next(iter(robot.poses))
-    platform = Closing(robot, label).end
+    platform = LoopClosure(robot, label).end
     K = np.zeros((6, 6))
     for leg in legs_of(robot):
         chain, attachment = leg_alone(robot, leg.name)

@@ -4,7 +4,7 @@ import pytest
 
 from vjm_updating.diagnosis.document import (
     FindingsRow,
-    WeighedCauses,
+    PosteriorSample,
     Word,
     acting,
     by_hypotheses,
@@ -14,14 +14,14 @@ from vjm_updating.diagnosis.document import (
 )
 
 
-def hypothesis(probability: float, *places: str) -> WeighedCauses:
+def hypothesis(probability: float, *places: str) -> PosteriorSample:
     causes: dict[str, list[str]] = {}
     for place in places:
         causes.setdefault(place.partition("(")[0], []).append(place)
-    return WeighedCauses(causes, probability)
+    return PosteriorSample(causes, probability)
 
 
-def found(*hypotheses: WeighedCauses, trusted: bool = True, nothing: float = 0.0) -> FindingsRow:
+def found(*hypotheses: PosteriorSample, trusted: bool = True, nothing: float = 0.0) -> FindingsRow:
     p, places = by_hypotheses(hypotheses)
     return findings_of(
         p,

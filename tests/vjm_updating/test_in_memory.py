@@ -92,8 +92,8 @@ def test_what_a_program_holds_is_read_as_its_files_are(name: str):
 @pytest.fixture(scope="module")
 def calibrated() -> CalibrationResult[Calibration]:
     result = calibrate(load_data(*paths("soft-springs")))
-    assert isinstance(result.found, Calibration)
-    return CalibrationResult(result.found, result.models, result.draw)
+    assert isinstance(result.figures, Calibration)
+    return CalibrationResult(result.figures, result.models, result.draw)
 
 
 def test_a_calibration_shows_draws_and_writes_itself(calibrated: CalibrationResult[Calibration], tmp_path: Path):
@@ -123,14 +123,14 @@ def test_what_is_not_for_use_is_not_written_and_an_older_one_goes(
 
 def test_a_diagnosis_shows_and_writes_itself(tmp_path: Path):
     found = diagnose(load_data(*held("joint-test")), only=("joint_friction",))
-    assert found.found.verdict in repr(found).splitlines()[0]
+    assert found.figures.verdict in repr(found).splitlines()[0]
     found.write(tmp_path)
     assert json.loads((tmp_path / "diagnosis.json").read_text()) == found.document()
     assert (tmp_path / "diagnosis.html").read_text() == found.page()
     matplotlib.use("agg")
     (chart,) = found.plot().containers
     lengths = [bar.get_width() for bar in chart]
-    findings = found.found.findings
+    findings = found.figures.findings
     assert lengths == [*(row["probability"] for row in found.rows()), findings.nothing, findings.unknown]
     # the joint also has backlash and hardening, which nobody may name here: more than noise is left
     assert findings.more_than_noise

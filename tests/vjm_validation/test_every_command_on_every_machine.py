@@ -11,7 +11,7 @@ from helpers.command import Finished, validate
 from helpers.file_texts import model_text, part_text, section_of
 
 from vjm.limits import LIMITS
-from vjm.machine.rigid_mechanism import Closing, home_label
+from vjm.machine.rigid_mechanism import LoopClosure, home_label
 from vjm_validation.load_any_model import loaded
 
 KINDS = ("chain", "arm", "tree", "platform", "machine with closed loops")
@@ -154,7 +154,7 @@ def tool_of(kind: str, asked: Asked) -> str:
     if kind != PLATFORM:
         return asked.place
     machine = loaded(asked.model)
-    home = Closing(machine, home_label(machine)).end[:3, 3]
+    home = LoopClosure(machine, home_label(machine)).end[:3, 3]
     return ",".join(f"{a + float(b):.6f}" for a, b in zip(home, asked.place.split(","), strict=True))
 
 

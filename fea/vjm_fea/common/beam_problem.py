@@ -350,7 +350,7 @@ class BeamProblem:
             return float(change[-1])
         share = DIFFERENCE / self.distance(change)
         ahead, behind = (self.statics.states.normalised(point.state + h * change) for h in (share, -share))
-        return (self._gone(ahead) - self._gone(behind)) / (2.0 * share)
+        return (self.controlled_displacement(ahead) - self.controlled_displacement(behind)) / (2.0 * share)
 
     def across(self, start: Equilibrium, slope: Array, step: float) -> Equilibrium:
         """See `vjm.continuation.events.Problem.across`."""
@@ -363,7 +363,11 @@ class BeamProblem:
 
     def parameter(self, state: Array) -> float:
         """The path's parameter of a state: the ramp, or the controlled displacement."""
-        return self._gone(state) if isinstance(self.load_case.control, PointControl) else float(state[-1])
+        return (
+            self.controlled_displacement(state)
+            if isinstance(self.load_case.control, PointControl)
+            else float(state[-1])
+        )
 
     def scaled(self, change: Array) -> Array:
         """A change of state in the units of an arc."""
@@ -464,7 +468,7 @@ class BeamProblem:
         assert isinstance(self.load_case.control, PointControl)
         return self._watched, self.load_case.sign * np.array(self.load_case.control.direction)
 
-    def _gone(self, state: Array) -> float:
+    def controlled_displacement(self, state: Array) -> float:
         """Controlled displacement of the path, mm."""
         place, along = self._controlled_point
         return float(along @ (self.statics.points(state, [place])[0].position - place.position))
@@ -488,10 +492,14 @@ class BeamProblem:
         def at(ramp: float) -> Array:
             return self.bordered(self._ramped_to(self._advanced(start.state, ramp), ramp))[0]
 
-        return begun(s, rate, self._point_row(start.state)[self.statics.free], at, self._gone, start.state)
+        return begun(
+            s, rate, self._point_row(start.state)[self.statics.free], at, self.controlled_displacement, start.state
+        )
 
     def _point_border(self, state: Array, s: float) -> ScaledBorder:
-        return ScaledBorder((s - self._gone(state)) / self.length, self._point_row(state) / self.length, 0.0)
+        return ScaledBorder(
+            (s - self.controlled_displacement(state)) / self.length, self._point_row(state) / self.length, 0.0
+        )
 
     # --- what is kept of a state --------------------------------------------------------------------------
 

@@ -312,8 +312,7 @@ class BeamStatics(ABC):
         if set(load_case.free) == set(COMPONENTS):
             return self._free_end_stiffness(state, tangent)
         unit = self.unit[self.held]
-        result: Array = tangent.end_stiffness() * self.energy / (unit[:, None] * unit)
-        return result
+        return tangent.end_stiffness() * self.energy / (unit[:, None] * unit)
 
     def _free_end_stiffness(self, state: Array, tangent: Tangent) -> Array:
         """The inverse of what a wrench on the free end-effector moves it by; infinite where it moves nothing."""

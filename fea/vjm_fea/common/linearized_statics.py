@@ -25,8 +25,7 @@ COINCIDENT = 1e-3
 
 def is_real(values: Array) -> np.ndarray:
     """Which eigenvalues ``(k,)`` are real but for rounding."""
-    result: np.ndarray = np.abs(values.imag) <= REAL * np.abs(values)
-    return result
+    return np.abs(values.imag) <= REAL * np.abs(values)
 
 
 class StabilityVerdict(NamedTuple):
@@ -103,8 +102,7 @@ class Tangent:
 
     @cached_property
     def _free(self) -> Array:
-        result: Array = self.J[np.ix_(self.free, self.free)]
-        return result
+        return self.J[np.ix_(self.free, self.free)]
 
     def solve(self, right: Array) -> Array:
         """Motion of the free coordinates ``(f, …)`` that makes their residual change by ``right``.
@@ -112,8 +110,7 @@ class Tangent:
         Raises:
             numpy.linalg.LinAlgError: the tangent is singular.
         """
-        result: Array = np.asarray(np.linalg.solve(self._free, right), dtype=float)
-        return result
+        return np.asarray(np.linalg.solve(self._free, right), dtype=float)
 
     def rounding(self, motions: Array) -> float:
         """Largest error of the free coordinates' residual by errors ``(m + c,)`` of the state."""
@@ -126,8 +123,7 @@ class Tangent:
             drive: the support's motion ``(6,)`` per unit of it.
             load: the loads' generalised forces ``(m + c,)`` per unit of it.
         """
-        result: Array = self.J[np.ix_(self.free, self.held)] @ drive - load[self.free]
-        return result
+        return self.J[np.ix_(self.free, self.held)] @ drive - load[self.free]
 
     def bordered(self, by_ramp: Array, row: Array, at_ramp: float, right: Array, missing: float) -> Array:
         """Solution ``(f + 1,)`` for the free coordinates and the ramp with one condition more.
@@ -145,8 +141,7 @@ class Tangent:
         f = len(self.free)
         A = np.empty((f + 1, f + 1))
         A[:f, :f], A[:f, f], A[f, :f], A[f, f] = self._free, by_ramp, row, at_ramp
-        result: Array = np.linalg.solve(A, np.append(right, missing))
-        return result
+        return np.linalg.solve(A, np.append(right, missing))
 
     def response(self, held: Array) -> Array:
         """Motion of the free coordinates ``(f, …)`` that goes with one of the support ``(6, …)``."""

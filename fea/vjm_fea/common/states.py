@@ -26,8 +26,7 @@ def quaternion(R: Array) -> Array:
         p[1 + i] = 1.0 + squares[k]
         p[1 + j] = R[j, i] + R[i, j]
         p[1 + m] = R[m, i] + R[i, m]
-    result: Array = p / np.linalg.norm(p)
-    return result
+    return p / np.linalg.norm(p)
 
 
 def rotation_matrices(p: Array) -> Array:
@@ -53,16 +52,14 @@ def turned(p: Array, rotation: Array) -> Array:
     scalar = w * p[:, 0] - np.sum(v * p[:, 1:], axis=1)
     vector = w[:, None] * p[:, 1:] + p[:, :1] * v + np.cross(v, p[:, 1:])
     both = np.column_stack([scalar, vector])
-    result: Array = both / np.linalg.norm(both, axis=1)[:, None]
-    return result
+    return both / np.linalg.norm(both, axis=1)[:, None]
 
 
 def product(p: Array, q: Array) -> Array:
     """Unit quaternions ``(n, 4)`` of the rotations ``R(p) R(q)``, p and q ``(n, 4)``."""
     scalar = p[:, 0] * q[:, 0] - np.sum(p[:, 1:] * q[:, 1:], axis=1)
     vector = p[:, :1] * q[:, 1:] + q[:, :1] * p[:, 1:] + np.cross(p[:, 1:], q[:, 1:])
-    result: Array = np.column_stack([scalar, vector])
-    return result
+    return np.column_stack([scalar, vector])
 
 
 def rates(p: Array) -> Array:

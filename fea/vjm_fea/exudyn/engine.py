@@ -194,8 +194,7 @@ class ExudynStatics(BeamStatics):
         R = rotation_matrices(places[:, 3:])
         node = np.array([s.node for s in self.system.stations])
         offset = np.array([s.offset for s in self.system.stations])
-        result: Array = places[node, :3] + np.einsum("kab,kb->ka", R[node], offset)
-        return result
+        return places[node, :3] + np.einsum("kab,kb->ka", R[node], offset)
 
     def node_forces(self, state: Array) -> Array:
         """Forces and moments ``(n, 6)`` that elements and joints put up at every node, world axes."""

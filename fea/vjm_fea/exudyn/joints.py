@@ -47,8 +47,7 @@ class RelativeMotion:
         Args:
             places: positions and quaternions ``(n + 1, 7)`` of the nodes, the ground last.
         """
-        result: Array = self._coordinates(*self._at(places))[0]
-        return result
+        return self._coordinates(*self._at(places))[0]
 
     def gradient(self, places: Array, forces: Array | None = None) -> Array:
         """Derivative ``(2, 6)`` of forces times coordinates by shifts and small turns of both nodes, world axes.

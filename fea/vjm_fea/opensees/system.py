@@ -99,8 +99,7 @@ class Posed:
     def place(self, reference: Array, piece: int = -1) -> Array:
         """Present position ``(3,)`` of a point of a rigid piece, by default of the one with the node."""
         X, x = self.anchors[piece]
-        result: Array = x + self.turns[piece] @ (reference - X)
-        return result
+        return x + self.turns[piece] @ (reference - X)
 
     @property
     def node_position(self) -> Array:

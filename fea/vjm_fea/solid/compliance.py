@@ -77,8 +77,7 @@ def _pardiso(upper: scipy.sparse.csr_matrix) -> Factorization:
         raise ValueError(f"the stiffness matrix cannot be factorized (PARDISO error {error.value})") from error
 
     def solve(right: Array) -> Array:
-        result: Array = np.asarray(solver.solve(upper, right))
-        return result
+        return np.asarray(solver.solve(upper, right))
 
     return Factorization(solve, lambda: solver.free_memory(everything=True))
 
@@ -117,13 +116,13 @@ class PartEnds:
     Attributes:
         base: numbers of faces.
         tip: numbers of faces.
-        at: point ``(3,)`` mm of the tip's body at which wrench and motion are read; None: the tip's centre of area.
+        point: ``(3,)`` mm on the tip's body at which wrench and motion are read; None: the tip's centre of area.
         held: how the base is.
     """
 
     base: tuple[int, ...]
     tip: tuple[int, ...]
-    at: Array | None = None
+    point: Array | None = None
     held: RootSupport = RootSupport.CLAMPED
 
 
@@ -149,8 +148,7 @@ def face_centre(solid: ElasticSolid, faces: Sequence[int]) -> Array:
     """Centre of area ``(3,)`` of some faces, mm."""
     basis = solid.mesh.face_basis(faces)
     x = np.asarray(basis.global_coordinates())
-    result: Array = np.einsum("afq,fq->a", x, basis.dx) / float(np.sum(basis.dx))
-    return result
+    return np.einsum("afq,fq->a", x, basis.dx) / float(np.sum(basis.dx))
 
 
 def answer(
@@ -168,7 +166,7 @@ def answer(
         ValueError: a piece of the part is not held, or base and tip share nodes.
     """
     upper = solid.stiffness() if stiffness is None else stiffness
-    point = face_centre(solid, ends.tip) if ends.at is None else np.asarray(ends.at, dtype=float)
+    point = face_centre(solid, ends.tip) if ends.point is None else np.asarray(ends.point, dtype=float)
     tip_nodes = solid.mesh.face_nodes(ends.tip)
     loads, kept = loads_and_support(solid, ends, point)
     n = solid.mesh.unknowns
@@ -230,15 +228,13 @@ def spread(solid: ElasticSolid, faces: Sequence[int], point: Array) -> Array:
     centre = face_centre(solid, faces)
     P, square = solid.face_moments(faces, centre)
     # a wrench at `point` is at the centre the same force and a moment more
-    result: Array = np.asarray(P @ np.linalg.solve(square, carried(point - centre).T), dtype=np.float64)
-    return result
+    return np.asarray(P @ np.linalg.solve(square, carried(point - centre).T), dtype=np.float64)
 
 
 def _mean_motion(solid: ElasticSolid, faces: Sequence[int], point: Array, u: Array) -> Array:
     """Mean rigid motion ``(6, k)`` of some faces, read at a point ``(3,)``."""
     P, square = solid.face_moments(faces, point)
-    result: Array = np.asarray(np.linalg.solve(square, P.T @ u), dtype=np.float64)
-    return result
+    return np.asarray(np.linalg.solve(square, P.T @ u), dtype=np.float64)
 
 
 def _tied(n: int, free: Indices, moved: Indices, R: Array) -> scipy.sparse.csr_matrix:

@@ -103,8 +103,7 @@ class ElasticSolid:
     def centroid(self) -> Array:
         """Centre of volume ``(3,)``, mm."""
         x = np.asarray(self.basis.global_coordinates())
-        result: Array = np.einsum("aeq,eq->a", x, self.basis.dx) / self.volume
-        return result
+        return np.einsum("aeq,eq->a", x, self.basis.dx) / self.volume
 
     def face_moments(self, faces: Sequence[int], about: Array) -> tuple[Array, Array]:
         """What a face feels of its rigid motions, for loads and means over it.
@@ -174,15 +173,13 @@ class ElasticSolid:
         total = np.zeros((len(self.mesh.points), 3, 3))
         np.add.at(total, elements, at_nodes)
         count = np.bincount(elements.ravel(), minlength=len(total))
-        result: Array = total / count[:, None, None]
-        return result
+        return total / count[:, None, None]
 
 
 def von_mises(stress: Array) -> Array:
     """Von Mises' equivalent ``(n,)`` of stresses ``(n, 3, 3)``."""
     deviator = stress - np.trace(stress, axis1=1, axis2=2)[:, None, None] / 3.0 * np.eye(3)
-    result: Array = np.sqrt(1.5 * np.sum(deviator**2, axis=(1, 2)))
-    return result
+    return np.sqrt(1.5 * np.sum(deviator**2, axis=(1, 2)))
 
 
 def rigid_motions(points: Array, about: Array) -> Array:
@@ -254,13 +251,11 @@ def stress_forms(solid: ElasticSolid, displacements: Array, away: Mask) -> tuple
 def _flat(forms: Array) -> Array:
     """Upper triangles ``(k, 21)``, those off the diagonal doubled."""
     twice = np.where(UPPER_WRENCH[0] == UPPER_WRENCH[1], 1.0, 2.0)
-    result: Array = forms[:, UPPER_WRENCH[0], UPPER_WRENCH[1]] * twice
-    return result
+    return forms[:, UPPER_WRENCH[0], UPPER_WRENCH[1]] * twice
 
 
 def _products(wrenches: Array) -> Array:
-    result: Array = wrenches[:, UPPER_WRENCH[0]] * wrenches[:, UPPER_WRENCH[1]]
-    return result
+    return wrenches[:, UPPER_WRENCH[0]] * wrenches[:, UPPER_WRENCH[1]]
 
 
 def _covering(flat: Array, products: Array) -> Indices:

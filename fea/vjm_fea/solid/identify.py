@@ -285,7 +285,7 @@ class SolidTask:
         material: of the part.
         base: words for faces, see `vjm_fea.solid.faces.selected`.
         tip: the same.
-        at: point ``(3,)`` mm at which the compliance is read; None: the tip's centre of area.
+        point: point ``(3,)`` mm at which the compliance is read; None: the tip's centre of area.
         held: how the base is.
         unit_mm: mm of one unit of the file.
         accuracy: scaled half-width that ends the refinement.
@@ -298,7 +298,7 @@ class SolidTask:
     material: IsotropicMaterial
     base: tuple[str, ...]
     tip: tuple[str, ...]
-    at: Array | None = None
+    point: Array | None = None
     held: RootSupport = RootSupport.CLAMPED
     unit_mm: float = 1.0
     accuracy: float = ACCURACY
@@ -338,7 +338,7 @@ class SolidCompliance:
         centre: of mass ``(3,)``, mm.
         base_centre: of area ``(3,)``, mm.
         tip_centre: of area ``(3,)``, mm.
-        at: where the compliance is read ``(3,)``, mm.
+        point: where the compliance is read ``(3,)``, mm.
         thickness: twice the volume over the surface, mm: of a plate, its thickness.
         bodies: that the drawing holds; more than one are bonded where they touch.
         solid: the last mesh.
@@ -355,7 +355,7 @@ class SolidCompliance:
     centre: Array
     base_centre: Array
     tip_centre: Array
-    at: Array
+    point: Array
     thickness: float
     bodies: int
     solid: ElasticSolid = field(repr=False)
@@ -378,7 +378,7 @@ class SolidCompliance:
         if self.sections is None or not self.sections.straight:
             return None
         C = np.mean([bound.limit.compliance for bound in self.bounds.values()], axis=0)
-        tip_compliance = shift_compliance(C, self.tip_centre - self.at)
+        tip_compliance = shift_compliance(C, self.tip_centre - self.point)
         return column(self.sections, self.task.material.youngs_modulus, tip_compliance)
 
     @property
@@ -444,7 +444,7 @@ def chosen_ends(task: SolidTask, opened: SolidDrawing) -> PartEnds:
         raise ValueError(
             f"--base and --tip: face {both[0]} is both: the part is held where it is loaded; give two faces"
         )
-    return PartEnds(tuple(base), tuple(tip), task.at, task.held)
+    return PartEnds(tuple(base), tuple(tip), task.point, task.held)
 
 
 def _identify(task: SolidTask, opened: SolidDrawing, progress: Progress) -> SolidCompliance:
@@ -506,7 +506,7 @@ def _identify(task: SolidTask, opened: SolidDrawing, progress: Progress) -> Soli
         centre=solid.centroid,
         base_centre=centres[0],
         tip_centre=centres[1],
-        at=centres[1] if ends.at is None else np.asarray(ends.at, dtype=float),
+        point=centres[1] if ends.point is None else np.asarray(ends.point, dtype=float),
         thickness=2.0 * solid.volume / surface,
         bodies=opened.bodies,
         solid=solid,
@@ -605,7 +605,7 @@ def computed(path: Path, table: SolidTable) -> SolidResult:
         drawing=path.name,
         compliance=limit.compliance.tolist(),
         interval=limit.interval.tolist(),
-        reach_mm=(part.at - part.base_centre).tolist(),
+        reach_mm=(part.point - part.base_centre).tolist(),
         volume_mm3=part.volume,
         centre_of_mass_mm=(part.centre - part.base_centre).tolist(),
         thickness_mm=part.thickness,

@@ -74,8 +74,7 @@ class LinearMachine:
     def scale(self) -> Array:
         """Units ``(n,)`` in which each unknown's own stiffness is one, of passive joints as of the typical one."""
         own = np.diag(self.stiffness) * self.unit**2
-        result: Array = self.unit / np.sqrt(np.where(own > 0.0, own, self.energy))
-        return result
+        return self.unit / np.sqrt(np.where(own > 0.0, own, self.energy))
 
     @cached_property
     def kept(self) -> np.ndarray:
@@ -99,8 +98,7 @@ class LinearMachine:
         K = self.stiffness * self.scale[:, None] * self.scale
         _, values, V = np.linalg.svd(np.vstack([K, rows]))
         rank = np.count_nonzero(values > NEUTRAL * values[0])
-        result: Array = self.scale[:, None] * V[rank:].T
-        return result
+        return self.scale[:, None] * V[rank:].T
 
     def held(self, rows: Array, forces: Array, imposed: Array) -> LinearResponse:
         """What it does with some rows imposed.

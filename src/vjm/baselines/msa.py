@@ -85,16 +85,16 @@ class _Node:
     """
 
     T: Array
-    at: Array
+    position: Array
 
     def behind(self, transform: Array) -> _Node:
         """Another place of the same rigid piece, a frame ``(4, 4)`` on."""
         T = self.T @ transform
-        return _Node(T, rigid_arm(T[:3, 3] - self.T[:3, 3]) @ self.at)
+        return _Node(T, rigid_arm(T[:3, 3] - self.T[:3, 3]) @ self.position)
 
     def within(self, size: int) -> Array:
         """Its displacement ``(6, n)`` by all of n unknowns."""
-        return np.pad(self.at, ((0, 0), (0, size - self.at.shape[1])))
+        return np.pad(self.position, ((0, 0), (0, size - self.position.shape[1])))
 
 
 class _Assembly:
@@ -199,7 +199,7 @@ class _Assembly:
         self._unknowns([self.length] * 3 + [1.0] * 3)
         n = len(self.K)
         self._node = _Node(near.T @ transform, np.eye(6, n, n - 6))
-        both = np.vstack([near.within(n), self._node.at])
+        both = np.vstack([near.within(n), self._node.position])
         self.K += both.T @ turned @ both
 
     # --- parts --------------------------------------------------------------------------------------------
@@ -329,7 +329,7 @@ class _Assembly:
 
     def _carried(self, T: Array, carrier: _Node) -> _Node:
         """A frame ``(4, 4)`` that goes with a node."""
-        return _Node(T, rigid_arm(T[:3, 3] - carrier.T[:3, 3]) @ carrier.at)
+        return _Node(T, rigid_arm(T[:3, 3] - carrier.T[:3, 3]) @ carrier.position)
 
     # --- what is closed -----------------------------------------------------------------------------------
 

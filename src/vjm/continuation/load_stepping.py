@@ -314,8 +314,7 @@ class _Trace(Tracer[Problem]):
                 if k != i:
                     weight *= (target_node - node) / (nodes[i] - node)
             change += weight * point.state
-        slope: Array = change / (target - known[-1].s)
-        return slope
+        return change / (target - known[-1].s)
 
     def _bend(self, next_point: Equilibrium) -> float:
         """How far the new shape lies from the prolongation of the last two, over the way to it.

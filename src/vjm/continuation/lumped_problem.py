@@ -636,7 +636,7 @@ class LumpedProblem:
 
     def _parameter(self, ramp: float, state: Configuration) -> float:
         """The path's parameter of a state: the ramp, or the controlled displacement."""
-        return self._gone(state) if isinstance(self.load_case.control, PointControl) else ramp
+        return self.controlled_displacement(state) if isinstance(self.load_case.control, PointControl) else ramp
 
     def _row(self, mode: Array) -> Array:
         """Row ``(n + 7,)`` that gives a change of state's component along a critical mode ``(n + 7,)``."""
@@ -670,7 +670,7 @@ class LumpedProblem:
         unit[self._watched, :3] = self.load_case.sign * np.array(self.load_case.control.direction)
         return self.model.compiled.load_forces(state.x, state.wrench, state.load, unit)
 
-    def _gone(self, state: Configuration) -> float:
+    def controlled_displacement(self, state: Configuration) -> float:
         """Controlled displacement of the path, mm."""
         assert isinstance(self.load_case.control, PointControl)
         position = self.model.compiled.points(state.x, state.wrench, state.load)[self._watched]
@@ -680,12 +680,11 @@ class LumpedProblem:
     @cached_property
     def _point0(self) -> Array:
         """Where the controlled point is in the unloaded posture ``(3,)``."""
-        result: Array = self.model.compiled.points(self._x0, np.zeros(6), 0.0)[self._watched].copy()
-        return result
+        return self.model.compiled.points(self._x0, np.zeros(6), 0.0)[self._watched].copy()
 
     def _point_border(self, state: Configuration, s: float) -> Border:
         return Border(
-            (s - self._gone(state)) / self.model.characteristic_length,
+            (s - self.controlled_displacement(state)) / self.model.characteristic_length,
             self._point_rate(state) / self.model.characteristic_length,
             0.0,
         )

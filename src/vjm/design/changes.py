@@ -38,8 +38,7 @@ def difference(function: Callable[[float], Array], h: float) -> Array:
     if not h:
         return np.zeros_like(function(0.0))
     wide, narrow = ((function(s) - function(-s)) / (2.0 * s) for s in (h, 0.5 * h))
-    result: Array = (4.0 * narrow - wide) / 3.0
-    return result
+    return (4.0 * narrow - wide) / 3.0
 
 
 def placed(asked: Question, x: Array, moved: Array | None = None) -> LinearState:

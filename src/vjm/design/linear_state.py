@@ -130,7 +130,7 @@ class Question:
         return loads
 
 
-def question(
+def loaded_posture(
     machine: Machine,
     posture: Posture = "",
     *,
@@ -329,8 +329,7 @@ class LinearState:
         couplings = len(self.model.chain.couplings)
         if couplings:
             total = total + self.model.closing(self.kinematics)[-couplings:].T @ self.x[-couplings:]
-        result: Array = total
-        return result
+        return total
 
     # --- matrices -----------------------------------------------------------------------------------------
 
@@ -435,8 +434,7 @@ class LinearState:
 
     def rows(self, combinations: Array) -> Array:
         """The rows ``(r, n)`` that combinations ``(c, r)`` of the constraints are."""
-        result: Array = combinations.T @ self.constraints
-        return result
+        return combinations.T @ self.constraints
 
     @cached_property
     def scale(self) -> Array:
@@ -451,15 +449,13 @@ class LinearState:
             return np.diag(self.unit)
         # the rows are independent: no small singular value has to be judged
         V = np.linalg.svd(rows * _one_over(rows)[:, None])[2]
-        result: Array = self.unit[:, None] * V[len(rows) :].T
-        return result
+        return self.unit[:, None] * V[len(rows) :].T
 
     def on_motions(self, A: Array) -> Array:
         """A matrix ``(n, n)`` of the coordinates on `motions` ``(m, m)``."""
         if not self.combinations.shape[1]:
             return A * self.unit[:, None] * self.unit
-        result: Array = self.motions.T @ A @ self.motions
-        return result
+        return self.motions.T @ A @ self.motions
 
     def of_motions(self, amplitudes: Any) -> Any:  # noqa: ANN401
         """Motions ``(n, k)`` from their amplitudes ``(m, k)``, which may be complex."""
@@ -563,8 +559,7 @@ class LinearState:
         """
         unit = self.constraint_unit[:, None]
         U, own = self.combinations * unit, gaps / unit
-        result: Array = own - U @ (U.T @ own)
-        return result
+        return own - U @ (U.T @ own)
 
     @property
     def conservative(self) -> bool:
@@ -628,7 +623,11 @@ def equilibrium_of(
         )  # fmt: skip
 
     x0, equilibrium = model.configuration(chain.posture(asked.posture)), found()
-    if equilibrium.found[0] and equilibrium.stable[0] and _foreseen(state_in(asked, equilibrium, 0, model), drawn):
+    if (
+        equilibrium.converged[0]
+        and equilibrium.stable[0]
+        and _foreseen(state_in(asked, equilibrium, 0, model), drawn)
+    ):
         return equilibrium
     if equilibrium.undetermined[0]:
         state = np.concatenate([x0[: model.coordinates] + equilibrium.x[0], x0[model.coordinates :]])
@@ -640,12 +639,12 @@ def equilibrium_of(
     try:
         x = _followed(asked, model)
     except NoConvergenceError:
-        if equilibrium.found[0] and not equilibrium.stable[0]:
+        if equilibrium.converged[0] and not equilibrium.stable[0]:
             # the path loses its stability before: this state, which is unstable, contradicts nothing
             return equilibrium
         raise
     equilibrium = equilibrium if x is None else found(x)
-    if not equilibrium.found[0]:
+    if not equilibrium.converged[0]:
         raise NoConvergenceError(f"{chain.name}, posture {asked.posture}: no equilibrium under these loads")
     return equilibrium
 
@@ -713,7 +712,7 @@ def with_doubts(
     first, second = (x / model.unit for x in (half.x, states.x - half.x))
     size = np.linalg.norm(first, axis=1)
     even = np.linalg.norm(second - first, axis=1) <= END * size
-    return states, np.asarray(~(half.found & states.found & states.stable & even))
+    return states, np.asarray(~(half.converged & states.converged & states.stable & even))
 
 
 def _followed(asked: Question, model: Mechanism) -> Array | None:

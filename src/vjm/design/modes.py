@@ -19,7 +19,7 @@ from scipy.linalg import LinAlgError, cholesky, eig, eigh, solve, solve_triangul
 
 from vjm.continuation.path import Equilibrium, Path
 from vjm.design.changes import STEP, changed, difference, placed, state_rate
-from vjm.design.linear_state import LinearState, Question, question, state_of
+from vjm.design.linear_state import LinearState, Question, loaded_posture, state_of
 from vjm.engines import VjmEngine
 from vjm.model.end_condition import held
 from vjm.model.load_case import COMPONENTS, Load
@@ -143,8 +143,7 @@ def mass_matrix(state: MovingState) -> Array:
     M = np.zeros((state.n, state.n))
     for part in state.model.chain.parts:
         M += sum(_contributions(state, part), np.zeros((state.n, state.n)))
-    result: Array = 0.5 * (M + M.T)
-    return result
+    return 0.5 * (M + M.T)
 
 
 def massless(state: LinearState) -> tuple[str, ...]:
@@ -180,8 +179,7 @@ def _rigid(state: MovingState, part: RigidOffset) -> Array:
     if part.inertia is not None:
         R = k.end[:3, :3] @ site.frame[:3, :3]
         inertia = R @ part.inertia @ R.T
-    result: Array = part.mass * J[:3].T @ J[:3] + J[3:].T @ inertia @ J[3:]
-    return result
+    return part.mass * J[:3].T @ J[:3] + J[3:].T @ inertia @ J[3:]
 
 
 def _rotor(state: MovingState, joint: Joint) -> Array:
@@ -195,8 +193,7 @@ def _rotor(state: MovingState, joint: Joint) -> Array:
     rows = slice(0, 3) if joint.slides else slice(3, 6)
     axis = T[:3, :3] @ before.frame[:3, :3] @ joint.axis
     rate = axis @ (own.jacobian - carried.jacobian)[rows, : state.n]
-    result: Array = joint.rotor * np.outer(rate, rate)
-    return result
+    return joint.rotor * np.outer(rate, rate)
 
 
 def _beam(state: MovingState, beam: Beam) -> Iterator[Array]:
@@ -417,7 +414,7 @@ def modes(
     """
     if number < 1:
         raise ValueError(f"number must be at least 1, not {number}")
-    asked = question(
+    asked = loaded_posture(
         machine, posture, displacement=displacement, wrench=wrench, gravity=gravity, loads=loads, end=end,
         engine=engine,
     )  # fmt: skip

@@ -384,7 +384,7 @@ class Evaluations:
         """How many machines were asked for."""
         return len(self._machines)
 
-    def found(self, machine: str, what: str, compute: Callable[[], list[float]]) -> Array:
+    def value(self, machine: str, what: str, compute: Callable[[], list[float]]) -> Array:
         """What was computed of a machine, or is now."""
         self._machines.add(machine)
         key = f"{machine} {what}"
@@ -444,7 +444,7 @@ class _Machines:
     def value(self, row: Array, of: AskedQuantity, case: int) -> float:
         """A quantity; nan where there is none."""
         return float(
-            self._evaluations.found(self._named(row), f"{case} {of}", lambda: [self._value(row, of, case)])[0]
+            self._evaluations.value(self._named(row), f"{case} {of}", lambda: [self._value(row, of, case)])[0]
         )
 
     def _value(self, row: Array, of: AskedQuantity, case: int) -> float:
@@ -467,7 +467,7 @@ class _Machines:
 
     def gradient(self, row: Array, of: AskedQuantity, case: int) -> Array:
         """By the logarithms of the numbers ``(k,)``; nan where there is none."""
-        return self._evaluations.found(
+        return self._evaluations.value(
             self._named(row), f"{case} {of} by", lambda: self._gradient(row, of, case).tolist()
         )
 
@@ -675,5 +675,4 @@ def _least(begin: Array, bounds: tuple[Array, Array], rows: Sequence[_Row], watc
         bound, begin, jac=rate, bounds=box, constraints=[row.constraint for row in rows],
         method="SLSQP", options={"maxiter": ITERATIONS, "ftol": 1e-10},
     )  # fmt: skip
-    result: Array = solution.x[:-1]
-    return result
+    return solution.x[:-1]

@@ -29,7 +29,7 @@ from vjm.design.changes import (
     state_rate,
 )
 from vjm.design.critical import critical_derivative, critical_state
-from vjm.design.linear_state import LinearState, Question, question, state_of
+from vjm.design.linear_state import LinearState, Question, loaded_posture, state_of
 from vjm.design.modes import eigenmodes, frequency_rates, total_mass
 from vjm.design.space import Designed, LoadCases, design_space
 from vjm.engines import VjmEngine
@@ -350,7 +350,7 @@ def sensitivity(
         NoConvergenceError: there is no equilibrium under the loads.
     """
     quantity = DesignQuantity(quantity)
-    asked = question(machine, posture, wrench=wrench, gravity=gravity, loads=loads, end=end, engine=engine)
+    asked = loaded_posture(machine, posture, wrench=wrench, gravity=gravity, loads=loads, end=end, engine=engine)
     along = _component(asked, quantity, along)
     value = value_at(asked, quantity, along)
     if quantity is DesignQuantity.DEFLECTION:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, assert_never
 
 import numpy as np
 
-from vjm.design.linear_state import LinearState, Question, loading, question, state_of
+from vjm.design.linear_state import LinearState, Question, loaded_posture, loading, state_of
 from vjm.engines import VjmEngine
 from vjm.model.load_case import Load
 from vjm.model.machine import Machine
@@ -198,7 +198,7 @@ def shares(
         <Shares planar-2r, posture stretched, vjm-16
          of the strain energy: shoulder (joint) 70.2%, elbow (joint) 27.8%, upper (beam) 1.5%>
     """
-    asked = question(
+    asked = loaded_posture(
         machine, posture, displacement=displacement, wrench=wrench, gravity=gravity, loads=loads, end=end,
         engine=engine,
     )  # fmt: skip

@@ -18,7 +18,7 @@ from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
-from vjm.design.linear_state import Question, question
+from vjm.design.linear_state import Question, loaded_posture
 from vjm.design.modes import total_mass
 from vjm.engines import VjmEngine
 from vjm.io.catalogues import Row
@@ -370,8 +370,7 @@ def coordinates(machine: Machine, label: str) -> Array:
 
 def _motion(rigid: RigidMechanism, q: Array) -> Array:
     """Motion ``(6, n)`` of the end-effector by what its drives set, over the coordinates' units."""
-    motion: Array = rigid.linearised(q)[3][0] * ~rigid.passive
-    return motion
+    return rigid.linearised(q)[3][0] * ~rigid.passive
 
 
 def _ranks(motion: Array) -> tuple[int, int, int]:
@@ -602,7 +601,7 @@ class DesignSpace:
         Raises:
             ValueError: there is no such machine, or it cannot stand so.
         """
-        return question(
+        return loaded_posture(
             self.changed(row).machine(case.posture), case.posture, wrench=case.wrench, gravity=self.gravity,
             loads=self.loads, end=self.end, engine=self.engine,
         )  # fmt: skip

@@ -18,7 +18,7 @@ from vjm.io.errors import did_you_mean, naming, validated
 from vjm.io.fields import Axis, Label, Table, VectorMM
 from vjm.io.joint_tables import CouplingTable, Mass, PointSpringTable, Poses
 from vjm.io.schema import ModelFile, known_keys
-from vjm.machine.rigid_mechanism import Closing
+from vjm.machine.rigid_mechanism import LoopClosure
 from vjm.rotations import Array, rotation_vector
 
 Content = dict[str, Any]
@@ -333,7 +333,7 @@ def _document(table: BodyFile) -> Content:
 def _postures(table: BodyFile, drawn: ModelFile) -> dict[str, dict[str, float]]:
     """Coordinates of all joints in the file's own postures, of which it gives the held joints'."""
     machine, home = drawn.chain(), drawn.given(DRAWN)
-    closing = Closing(machine, DRAWN) if table.postures and machine.closes else None
+    closing = LoopClosure(machine, DRAWN) if table.postures and machine.closes else None
     result = {}
     for label, values in table.postures.items():
         if label == DRAWN:
@@ -531,8 +531,7 @@ def _section_axes(table: BodyBeamTable, along: Array) -> Array:
     if np.linalg.norm(y) < 1e-6:
         raise ValueError(f"beam '{table.name}': y_axis is along the beam: give a direction across it")
     y /= np.linalg.norm(y)
-    result: Array = np.array([x, y, np.cross(x, y)]).T
-    return result
+    return np.array([x, y, np.cross(x, y)]).T
 
 
 def _turns(R: Array) -> list[Content]:

@@ -153,8 +153,7 @@ def checked_compliance(matrix: Array) -> Array:
             f"is not positive definite: its smallest eigenvalue, scaled to a unit diagonal, is "
             f"{printed(float(values[0]), 3)}; {_culprit(matrix, scaled, vectors[:, 0])}"
         )
-    result: Array = 0.5 * (matrix + matrix.T)
-    return result
+    return 0.5 * (matrix + matrix.T)
 
 
 def checked_part_compliance(matrix: Array) -> Array:

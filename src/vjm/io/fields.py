@@ -117,8 +117,7 @@ def _unit_vector(raw: object) -> Array:
     if abs(length - 1.0) > 1e-6:
         unit = ", ".join(f"{v:.7g}" for v in vector / length)
         raise ValueError(f"= {raw} has length {printed(length)}: write the unit vector [{unit}]")
-    result: Array = vector / length
-    return result
+    return vector / length
 
 
 def _six_by_six(raw: object) -> object:

@@ -29,15 +29,15 @@ class Finding:
     Attributes:
         grade: what is done about it.
         where: file, and part, posture, row, column or key.
-        found: what was found, and the likely mistake.
+        description: what was found, and the likely mistake.
     """
 
     grade: Grade
     where: str
-    found: str
+    description: str
 
     def __str__(self) -> str:
-        return f"{self.where}: {self.found}"
+        return f"{self.where}: {self.description}"
 
 
 class ImplausibleError(ValueError):

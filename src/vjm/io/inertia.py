@@ -73,8 +73,7 @@ def nearest_of_a_body(matrix: Array) -> Array:
         masses[:count] = np.linalg.lstsq(of_masses[:, :count], moments, rcond=None)[0]
         if (masses >= 0.0).all():
             break
-    nearest: Array = (axes * (of_masses @ masses)) @ axes.T
-    return nearest
+    return (axes * (of_masses @ masses)) @ axes.T
 
 
 def said_repair(old: Array, new: Array) -> str:

@@ -18,7 +18,7 @@ from vjm.io.manipulator_file import (
 from vjm.io.model_file import Model, ModelDocument, build_chain, read_document
 from vjm.io.model_plausibility import standing_findings
 from vjm.io.schema import ModelFile, known_keys
-from vjm.machine.rigid_mechanism import Closing, PoseError
+from vjm.machine.rigid_mechanism import LoopClosure, PoseError
 from vjm.model.machine import Machine
 from vjm.model.parts import deflects
 
@@ -104,7 +104,7 @@ def _as_one_chain(document: ModelDocument, folder: Legs) -> ModelDocument:
     written = validated(ModelFile, content, file, known_keys)
     with naming(file):
         try:
-            closing = Closing(written.as_written(), home, table.platform.frame)
+            closing = LoopClosure(written.as_written(), home, table.platform.frame)
         except PoseError as error:
             # what is implausible about how legs stand may be why loops do not close
             perhaps = "".join(f". {where}: {what}" for _, where, what in standing_findings(table))

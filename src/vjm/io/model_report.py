@@ -18,7 +18,7 @@ from vjm.io.machine_file import is_legs, load_model
 from vjm.io.model_file import Model, build_chain, read_document
 from vjm.io.model_plausibility import findings_of, length_of, mass_of
 from vjm.io.schema import ModelFile, known_keys
-from vjm.machine.rigid_mechanism import Closing, home_label
+from vjm.machine.rigid_mechanism import LoopClosure, home_label
 from vjm.model.machine import Machine
 from vjm.model.parts import Beam, Joint, RigidOffset
 from vjm.outcome import Outcome
@@ -184,7 +184,7 @@ def _summary_of(chain: Machine) -> list[tuple[str, str]]:
 
 def _mobility_rows(machine: Machine) -> list[tuple[str, str]]:
     """What the rigid machine can do at home, and by what its loops are held more than they need."""
-    closing = Closing(machine, home_label(machine))
+    closing = LoopClosure(machine, home_label(machine))
     mobility = closing.mobility(closing.home)
     drives = int(np.count_nonzero(~closing.tree.passive))
     idle = "; ".join(", ".join(group) for group in mobility.idle)

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from vjm.design.linear_state import question, state_of
+from vjm.design.linear_state import loaded_posture, state_of
 from vjm.design.modes import mass_matrix, modes_of
 from vjm.errors import NoConvergenceError
 from vjm.io.errors import printed
@@ -52,7 +52,7 @@ def _lowest(machine: Machine, moments: dict[str, Array | None]) -> str:
         for part in machine.parts
     )
     try:
-        state = state_of(question(replace(machine, parts=parts), HOME))
+        state = state_of(loaded_posture(replace(machine, parts=parts), HOME))
         masses = np.linalg.eigvalsh(state.motions.T @ mass_matrix(state) @ state.motions)
         if masses[0] < -SUM_ROUNDING * len(masses) * masses[-1]:
             return "none (a motion has a negative mass)"

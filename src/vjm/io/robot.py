@@ -123,8 +123,7 @@ def unit_axis(axis: Array) -> Array:
     """A direction ``(3,)`` of any length above zero at length one."""
     # scaled first: squares of tiny entries vanish
     scaled = axis / np.abs(axis).max()
-    unit: Array = scaled / np.linalg.norm(scaled) + 0.0
-    return unit
+    return scaled / np.linalg.norm(scaled) + 0.0
 
 
 def axis_key(axis: Array) -> str | list[float]:

@@ -445,8 +445,7 @@ class PolygonConstants:
         crossings = starts[:, 1] + (y[:, None] - starts[:, 0]) / rise * (ends[:, 1] - starts[:, 1])
         places = np.sort(np.where(crossed, crossings, np.inf), axis=1)
         pairs = np.where(np.isfinite(places), places, 0.0)
-        result: Array = (pairs[:, 1::2] - pairs[:, : 2 * (pairs.shape[1] // 2) : 2]).sum(axis=1)
-        return result
+        return (pairs[:, 1::2] - pairs[:, : 2 * (pairs.shape[1] // 2) : 2]).sum(axis=1)
 
 
 Geometry = Quarter | Ring | PolygonConstants
@@ -525,8 +524,7 @@ def _crossing(starts: Array, ends: Array) -> np.ndarray:
 
     def side(a: Array, b: Array, p: Array) -> Array:
         along, way = (b - a)[:, None], p[None] - a[:, None]
-        turned: Array = along[..., 0] * way[..., 1] - along[..., 1] * way[..., 0]
-        return turned
+        return along[..., 0] * way[..., 1] - along[..., 1] * way[..., 0]
 
     scale = 1e-12 * float(np.ptp(starts, axis=0).max()) ** 2
     first, second = side(starts, ends, starts), side(starts, ends, ends)
@@ -555,8 +553,7 @@ def _distance(starts: Array, ends: Array, points: Array) -> Array:
     along = ends - starts
     share = np.einsum("pei,ei->pe", points[:, None] - starts, along) / np.sum(along**2, axis=1)
     nearest = starts + np.clip(share, 0.0, 1.0)[..., None] * along
-    result: Array = np.linalg.norm(points[:, None] - nearest, axis=2)
-    return result
+    return np.linalg.norm(points[:, None] - nearest, axis=2)
 
 
 def _width(loops: Sequence[Array]) -> float:
@@ -722,8 +719,7 @@ class _Triangles:
         own = (self.areas * source) @ self.shapes
         for slope, field in zip(self.slopes, (along_y, along_z), strict=True):
             own = own + np.einsum("tq,tqn->tn", self.areas * field, slope)
-        result: Array = np.bincount(self.nodes.ravel(), own.ravel(), minlength=self.count).astype(float)
-        return result
+        return np.bincount(self.nodes.ravel(), own.ravel(), minlength=self.count).astype(float)
 
 
 def _notches(loops: Sequence[Array], k: int) -> Array:

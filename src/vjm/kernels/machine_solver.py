@@ -231,7 +231,7 @@ class MachineSolver:
         self._remember(np.full(len(self.coordinate_unit), np.nan), np.full(6, np.nan), np.nan)
 
     def _must_visit(self, x: Array, wrench: Array, load: float) -> None:
-        if self.visit(x, wrench, load) < 0:
+        if self.factorise(x, wrench, load) < 0:
             raise np.linalg.LinAlgError("the equilibrium is singular")
 
     def _begin(self, x: Array, wrench: Array, load: float, target: Array | None) -> Array:
@@ -406,7 +406,7 @@ class MachineSolver:
         )
         return float(error)
 
-    def visit(self, x: Array, wrench: Array, load: float = 0.0) -> int:
+    def factorise(self, x: Array, wrench: Array, load: float = 0.0) -> int:
         """Factor at a state unless it is the last one; number of negative eigenvalues, −1 where singular."""
         if not self._is_last(x, wrench, load):
             self._factor(x, wrench, load, None)
@@ -478,7 +478,7 @@ class MachineSolver:
 
     def load_forces(self, x: Array, wrench: Array, load: float, wrenches: Array) -> Array:
         """Generalised forces ``(n + f,)`` of ``wrenches`` (l, 6) on the loaded points; world axes, at a state."""
-        self.visit(x, wrench, load)
+        self.factorise(x, wrench, load)
         return self._generalised(wrenches)
 
     def _generalised(self, wrenches: Array) -> Array:
@@ -488,7 +488,7 @@ class MachineSolver:
 
     def ramped(self, x: Array, wrench: Array, load: float) -> Array:
         """Generalised forces ``(n,)`` of the ramped loads, per unit of the load factor, at a state."""
-        self.visit(x, wrench, load)
+        self.factorise(x, wrench, load)
         wrenches = self._ramped.copy()
         for k in np.flatnonzero(self.arrays.follows):
             R = self._work.R[self.arrays.load_joint[k]]
@@ -497,12 +497,12 @@ class MachineSolver:
 
     def acting(self, x: Array, wrench: Array, load: float) -> Array:
         """Wrenches ``(l, 6)`` on the loaded points, N, N mm, world axes, at a state."""
-        self.visit(x, wrench, load)
+        self.factorise(x, wrench, load)
         return self._work.acting.copy()
 
     def points(self, x: Array, wrench: Array, load: float) -> Array:
         """Positions ``(l, 3)`` of the loaded points, mm, world, at a state."""
-        self.visit(x, wrench, load)
+        self.factorise(x, wrench, load)
         return self._work.point.copy()
 
     def shape(self, x: Array) -> Array:

@@ -234,7 +234,7 @@ class CriticalForce:
         rest = self._under(q, np.zeros((len(q), 3)), None)
         assert rest.compliance is not None
         result = [no_force("no stable equilibrium without a force on the end")] * len(q)
-        rows = np.flatnonzero(rest.found & rest.stable)
+        rows = np.flatnonzero(rest.converged & rest.stable)
         largest = np.zeros(len(q))
         largest[rows] = np.linalg.eigvalsh(symmetric(rest.compliance[rows, self.end, :3, :3]))[:, -1]
         # of the most that a force could do in the machine's own units
@@ -325,8 +325,7 @@ class CriticalForce:
 
 def symmetric(A: Array) -> Array:
     """Symmetric part of matrices ``(…, n, n)``."""
-    result: Array = 0.5 * (A + np.swapaxes(A, -1, -2))
-    return result
+    return 0.5 * (A + np.swapaxes(A, -1, -2))
 
 
 def no_force(why: str) -> Weakest:

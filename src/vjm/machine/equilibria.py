@@ -40,7 +40,7 @@ class Equilibria:
         x: ``(g, n)`` what the springs add, and what passive joints have turned by.
         closures: ``(g, f)`` wrenches of the machine's closures on their second frames, one closure behind the
             other, N and N mm, world axes.
-        found: ``(g,)`` whether an equilibrium was found; rows of what was not are nan.
+        converged: ``(g,)`` whether an equilibrium was found; rows of what was not are nan.
         undetermined: ``(g,)`` whether none was found as nothing holds the machine: laws of springs have no slope
             there. Rows of `x` have one of the states that the loads allow.
         stable: ``(g,)`` whether it is stable with the end frames free.
@@ -57,7 +57,7 @@ class Equilibria:
     q: Array
     x: Array
     closures: Array
-    found: np.ndarray
+    converged: np.ndarray
     undetermined: np.ndarray
     stable: np.ndarray
     torques: Array
@@ -155,7 +155,7 @@ def _put_on(
             compliance=compliance and share == 1.0, start=None if state is None else state.x,
             start_closures=None if state is None else state.closures, gradual=False, share=share,
         )  # fmt: skip
-        if trial.found[0]:
+        if trial.converged[0]:
             done, state = share, trial
         else:
             step *= 0.5

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from vjm.machine.equilibria import unloaded_frames
-from vjm.machine.rigid_mechanism import Closing, PoseError
+from vjm.machine.rigid_mechanism import LoopClosure, PoseError
 from vjm.model.joint_limits import JointLimits, own_limits
 from vjm.model.mechanism import Mechanism
 from vjm.rotations import Array, displacement_between, frame, rotation_vectors
@@ -355,7 +355,7 @@ class ClosedPostures:
             )
         q = model.posture(next(iter(chain.postures))) if start is None else start
         self._home = dict(zip(model.joints, q.tolist(), strict=True))
-        self.closing = Closing(chain, self._home)
+        self.closing = LoopClosure(chain, self._home)
 
     def at_pose(self, position: Array, rotation: Array | None) -> Array:
         """Coordinates ``(n_joints,)`` with the end-effector at a pose.
@@ -424,8 +424,7 @@ def _searched(
 def _left(model: Mechanism, p: Array, R: Array, position: Array, rotation: Array | None) -> Array:
     """Residual of a pose ``(s, 3 or 6)``: shift over the reach, and rotation vector where one is wanted."""
     if rotation is None:
-        result: Array = (p - position) / model.reach
-        return result
+        return (p - position) / model.reach
     return difference(p, R, position, rotation[None]) / np.repeat([model.reach, 1.0], 3)
 
 

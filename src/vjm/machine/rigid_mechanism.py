@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
-from vjm.model.assembly import Assembly, Site
+from vjm.model.assembly import Assembly, BodyFrame
 from vjm.model.joint_limits import joint_limits
 from vjm.model.load_case import COMPONENTS
 from vjm.model.machine import Machine
@@ -62,15 +62,17 @@ class RigidMechanism:
         """The machine as kernels take it."""
         joints, frames = closure_sites(self._built)
         pairs = zip(joints.ravel().tolist(), frames.reshape(-1, 4, 4), strict=True)
-        return self._arrays([Site(*each) for each in pairs], [closure.rows for closure in self.machine.closures])
+        return self._arrays(
+            [BodyFrame(*each) for each in pairs], [closure.rows for closure in self.machine.closures]
+        )
 
-    def _arrays(self, sites: list[Site], rows: list[int]) -> RigidArrays:
+    def _arrays(self, sites: list[BodyFrame], rows: list[int]) -> RigidArrays:
         """The machine, with pairs of frames of each of which so many components are compared."""
         # imported when it is asked for: compiled code takes longer to load than a model file
         from vjm.machine.rigid_kernel import RigidArrays
 
         built = self._built
-        sites = [*sites, Site(built.last, built.rigid)]
+        sites = [*sites, BodyFrame(built.last, built.rigid)]
         m = len(built.parent)
         return RigidArrays(
             parent=np.array(built.parent, dtype=np.int64),
@@ -117,7 +119,7 @@ class RigidMechanism:
         if not springs:
             return np.zeros((0, len(self.names)))
         sites = [
-            Site(site.joint, site.frame @ translation(np.asarray(point, dtype=float)))
+            BodyFrame(site.joint, site.frame @ translation(np.asarray(point, dtype=float)))
             for spring in springs
             for part, point in zip(spring.parts, spring.points, strict=True)
             for site in [self._built.begins[part]]
@@ -127,8 +129,7 @@ class RigidMechanism:
         apart = gap[0, :count].reshape(-1, 3)
         length = np.linalg.norm(apart, axis=1, keepdims=True)
         along = apart / np.where(length > 0.0, length, 1.0)
-        result: Array = np.einsum("sa,san->sn", along, J[0, :count].reshape(len(springs), 3, -1))
-        return result
+        return np.einsum("sa,san->sn", along, J[0, :count].reshape(len(springs), 3, -1))
 
     def end_frames(self, q: Array) -> Array:
         """Frames ``(g, 4, 4)`` of the end-effector at coordinates ``(g, n)``, mm."""
@@ -334,7 +335,7 @@ class PoseError(ValueError):
     """A pose that the rigid machine cannot take; the message says why."""
 
 
-class Closing:
+class LoopClosure:
     """The rigid machine with its loops, in any posture.
 
     Attributes:
@@ -682,10 +683,10 @@ def closed(machine: Machine, end: Array | None = None) -> Machine:
     Raises:
         PoseError: naming the posture, or all poses, in which the loops do not close, and why.
     """
-    closings: dict[str, Closing] = {}
+    closings: dict[str, LoopClosure] = {}
     for label in machine.postures:
         try:
-            closings[label] = Closing(machine, label, end if label == home_label(machine) else None)
+            closings[label] = LoopClosure(machine, label, end if label == home_label(machine) else None)
             closings[label].refuse_unfit(closings[label].home)
         except PoseError as error:
             raise PoseError(f"posture '{label}': {error}") from error

@@ -26,7 +26,7 @@ NEAR = 1e-9
 
 
 @dataclass(frozen=True)
-class Site:
+class BodyFrame:
     """A frame on a body: behind a joint (−1: the base), ``(4, 4)`` mm from there."""
 
     joint: int
@@ -52,13 +52,13 @@ class Stretch:
     drawn: Array
 
     @property
-    def site(self) -> Site:
+    def site(self) -> BodyFrame:
         """The frame where the part begins, carried along by this body."""
-        return Site(self.joint, self.frame @ inverse_frame(self.drawn))
+        return BodyFrame(self.joint, self.frame @ inverse_frame(self.drawn))
 
 
 @dataclass(frozen=True)
-class Station:
+class Marker:
     """A point of the machine that moves with the rigid link behind a joint.
 
     Attributes:
@@ -75,7 +75,7 @@ class Station:
 
 
 @dataclass(frozen=True)
-class Piece:
+class LinkSegment:
     """A straight stretch of a part on one rigid body, where points can be found by part and fraction.
 
     Attributes:
@@ -109,8 +109,7 @@ class Piece:
 
     def at(self, fraction: float) -> Array:
         """Position ``(3,)`` mm of a fraction of the part, in the frame behind the joint."""
-        result: Array = self.root + (fraction - self.start) * self.along
-        return result
+        return self.root + (fraction - self.start) * self.along
 
 
 @dataclass(frozen=True)
@@ -207,17 +206,17 @@ class Assembly:
         self.constant: dict[int, float] = {}
         self.bears: dict[int, float] = {}
         self.grows: dict[int, int] = {}
-        self._cuts, self._nodes = chain.cuts, dict[str, Site]()
+        self._cuts, self._nodes = chain.cuts, dict[str, BodyFrame]()
         self.growing = growing_pieces(chain, rigid=rigid)
         self.rests: dict[int, tuple[str, float]] = {}
         self._beams = {beam.name: beam for beam in chain.beams}
         self._stretches: dict[str, list[Stretch]] = {}
         self._drawn = np.eye(4)
         self.parent: list[int] = []
-        self.roots: dict[str, Site] = {}
+        self.roots: dict[str, BodyFrame] = {}
         self.lengths: dict[str, list[float]] = {}
-        self.begins: dict[str, Site] = {"": Site(-1, np.eye(4))}
-        self.ends: dict[str, Site] = {"": Site(-1, chain.base)}
+        self.begins: dict[str, BodyFrame] = {"": BodyFrame(-1, np.eye(4))}
+        self.ends: dict[str, BodyFrame] = {"": BodyFrame(-1, chain.base)}
         self._last, self._open = -1, ""
         self.rotary: list[bool] = []
         self.axis: list[Array] = []
@@ -232,8 +231,8 @@ class Assembly:
         self.natural: dict[int, float] = {}
         self.spans: dict[str, range] = {}
         self._own: dict[str, int | None] = {}
-        self.stations: list[Station] = []
-        self.pieces: list[Piece] = []
+        self.stations: list[Marker] = []
+        self.pieces: list[LinkSegment] = []
         for part in chain.parts:
             site = self.ends[chain.after.get(part.name, self._open)]
             if isinstance(part, Joint) and part.rides_on and not rigid:
@@ -245,9 +244,9 @@ class Assembly:
             self._add(part)
             self.spans[part.name] = range(first, self.size)
             (self.passive if isinstance(part, Joint) and part.free else self.elastic).extend(self.spans[part.name])
-            self.ends[part.name] = Site(self._last, self.rigid)
+            self.ends[part.name] = BodyFrame(self._last, self.rigid)
 
-    def carrying(self, part: str, point: Array) -> Site:
+    def carrying(self, part: str, point: Array) -> BodyFrame:
         """The frame where a part begins, as the body carries it on which a point of the part lies.
 
         A beam carries a point with the cross-section at which it lies, see `PointSpring`.
@@ -274,7 +273,7 @@ class Assembly:
                 return stretch.site
         raise AssertionError(f"no body carries {fraction} of the beam '{part}'")
 
-    def _on_beam(self, joint: Joint) -> Site:
+    def _on_beam(self, joint: Joint) -> BodyFrame:
         """The frame where a beam begins, as the cross-section carries it on which a joint rides.
 
         Where the joint has no value yet it is the cross-section's own, at which two pieces of the beam meet.
@@ -301,7 +300,7 @@ class Assembly:
                 self._hold(part)
                 self._add_springs(part)
                 self._piece(part.name, 1.0, 1.0, np.zeros(3))
-                self.begins[part.name] = Site(self._last, self.rigid)
+                self.begins[part.name] = BodyFrame(self._last, self.rigid)
             case Beam():
                 self._add_beam(part)
             case _:
@@ -312,7 +311,7 @@ class Assembly:
         self._own[joint.name] = self.size
         if not self._rigid:
             self._deflect_there()
-        self.begins[joint.name] = Site(self._last, self.rigid)
+        self.begins[joint.name] = BodyFrame(self._last, self.rigid)
 
     def _hold(self, joint: Joint) -> None:
         """Stand at the joint's coordinate; of what rides on a beam the points begin there."""
@@ -450,7 +449,7 @@ class Assembly:
                 self._slide(beam, piece, 1.0)
             else:
                 self._grow(beam, piece)
-            self._nodes.setdefault(beam.name, Site(self._last, self.rigid @ beam.section_in_chain.T))
+            self._nodes.setdefault(beam.name, BodyFrame(self._last, self.rigid @ beam.section_in_chain.T))
         self._piece(beam.name, 1.0, 1.0, np.zeros(3))
         self._mark(beam.name, 1.0)
         self._move(frame(beam.section_frame.T) @ translation(beam.end_offset))
@@ -479,7 +478,9 @@ class Assembly:
     def _weigh(self, part: str, mass: float) -> None:
         """A weight, kg for each mm of which the last joint's value is a third; no fraction finds it."""
         nowhere, origin = float("nan"), np.zeros(3)
-        piece = Piece(part, nowhere, nowhere, self._last, origin, origin, mass, weight_at=origin, grows=self._last)
+        piece = LinkSegment(
+            part, nowhere, nowhere, self._last, origin, origin, mass, weight_at=origin, grows=self._last
+        )
         self.pieces.append(piece)
 
     @property
@@ -607,7 +608,7 @@ class Assembly:
         root, R = self.rigid[:3, 3].copy(), self.rigid[:3, :3]
         fraction = start + lever * (stop - start)
         weight_at = None if centre is None else root + R @ centre
-        self.pieces.append(Piece(part, start, stop, self._last, root, R @ along, mass, fraction, weight_at))
+        self.pieces.append(LinkSegment(part, start, stop, self._last, root, R @ along, mass, fraction, weight_at))
         self._stretches.setdefault(part, []).append(Stretch(start, stop, self._last, self.rigid, self._drawn))
 
     @property
@@ -616,4 +617,4 @@ class Assembly:
         return self._last
 
     def _mark(self, part: str, fraction: float) -> None:
-        self.stations.append(Station(part, fraction, self._last, self.rigid[:3, 3].copy()))
+        self.stations.append(Marker(part, fraction, self._last, self.rigid[:3, 3].copy()))

@@ -194,11 +194,9 @@ def _loose(model: Mechanism, joints: int, q: Array) -> Array | None:
         velocity[own] = motion * model.coordinate_scale[own]
         if np.abs(model.shape_rate(k, velocity)).max() > NEGLIGIBLE * length:
             return np.zeros(joints)
-    loose: Array = motions[0][-joints:]
-    return loose
+    return motions[0][-joints:]
 
 
 def _felt(model: Mechanism, k: Kinematics) -> Array:
     """Derivative by the passive joints of the pose, of what stretches and of what closes, dimensionless."""
-    rows: Array = np.vstack([model.pose_rows(k), model.stretching_rows(k), model.closing_rows(k)])[:, model.passive]
-    return rows
+    return np.vstack([model.pose_rows(k), model.stretching_rows(k), model.closing_rows(k)])[:, model.passive]

@@ -94,8 +94,7 @@ class JointLimits:
 
     def joint_values(self, q: Array) -> Array:
         """Coordinates ``(g, k)`` of the joints at rows ``(g, n)`` of given ones."""
-        result: Array = q @ self.share.T + self.offset
-        return result
+        return q @ self.share.T + self.offset
 
     def excess(self, q: Array) -> Array:
         """By how much rows ``(g, n)`` go beyond each limit ``(g, k)``, mm or rad; zero or less within."""

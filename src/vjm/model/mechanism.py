@@ -14,7 +14,7 @@ import numpy as np
 
 from vjm.kernels.arrays import MachineArrays
 from vjm.kernels.machine_solver import MachineSolver
-from vjm.model.assembly import Assembly, Piece, Site, Station
+from vjm.model.assembly import Assembly, BodyFrame, LinkSegment, Marker
 from vjm.model.joint_limits import JointLimits, joint_limits
 from vjm.model.load_case import Load, LoadCase, PointControl
 from vjm.model.machine import Machine
@@ -82,8 +82,7 @@ class Drive:
     def joints(self, x: Array) -> Array:
         """Values ``(…, m)`` of the joints, or their velocities, from those of the coordinates ``(…, n)``."""
         none = np.zeros((*x.shape[:-1], len(self.factor)))
-        result: Array = self.factor * x[..., self.coordinate] if self.size else none
-        return result
+        return self.factor * x[..., self.coordinate] if self.size else none
 
     def gathered(self, rows: Array) -> Array:
         """Derivatives ``(r, n)`` by the coordinates from those ``(r, m)`` by the joints."""
@@ -179,8 +178,7 @@ def force_hessian_times(acting: Sequence[tuple[Kinematics, Array]], motions: Arr
 
     onwards = passed(shifts)[-1] - before(shifts)
     on_joints = np.einsum("mc,mck->km", shifts, before(linear)) + np.einsum("mc,mck->km", linear, onwards)
-    result: Array = drive.gathered(on_joints + np.einsum("mc,mck->km", turns, before(angular))).T
-    return result
+    return drive.gathered(on_joints + np.einsum("mc,mck->km", turns, before(angular))).T
 
 
 Gravity = tuple[float, float, float]
@@ -217,8 +215,8 @@ class Mechanism:
         self.size = built.size + sum(closure.rows for closure in chain.closures) + len(chain.couplings)
         self.parent = built.parent
         self.springs: list[Spring] = built.springs
-        self.stations: list[Station] = built.stations
-        self.pieces: list[Piece] = built.pieces
+        self.stations: list[Marker] = built.stations
+        self.pieces: list[LinkSegment] = built.pieces
         self.passive = np.array(built.passive, dtype=int)
         self.elastic = np.array(built.elastic, dtype=int)
         self.joint_rotary = np.array(built.rotary, dtype=bool)
@@ -245,8 +243,7 @@ class Mechanism:
 
     def reactions(self, kinematics: Kinematics, wrench: Array) -> Array:
         """Generalised forces ``(n,)`` of a wrench ``(6,)`` on the coordinates: ``Jᵀ F`` (8)."""
-        result: Array = kinematics.jacobian.T @ wrench
-        return result
+        return kinematics.jacobian.T @ wrench
 
     def strain(self, reactions: Array) -> Array:
         """Coordinates ``(n,)`` of the springs under reactions ``(n,)``, zero on the passive joints."""
@@ -279,22 +276,19 @@ class Mechanism:
         springs = self.chain.point_springs
         own = [float(spring.pull(length)) for spring, length in zip(springs, self.spring_lengths(x), strict=True)]
         # of a model that is partially unloaded the preloads are not the machine's
-        result: Array = np.array(own) + self.point_springs[2][:, 2] - [spring.preload for spring in springs]
-        return result
+        return np.array(own) + self.point_springs[2][:, 2] - [spring.preload for spring in springs]
 
     def spring_lengths(self, x: Array) -> Array:
         """Lengths ``(s,)`` of the springs between points, mm."""
         if not self.chain.point_springs:
             return np.zeros(0)
         ends = self._spring_ends(self.kinematics(x))
-        result: Array = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
-        return result
+        return np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
 
     def _spring_ends(self, kinematics: Kinematics) -> Array:
         """Where the springs between points are fixed, ``(s, 2, 3)`` mm, world."""
         T = kinematics.behind[self.point_springs[0] + 1]
-        result: Array = np.einsum("skab,skb->ska", T[..., :3, :3], self.point_springs[1]) + T[..., :3, 3]
-        return result
+        return np.einsum("skab,skb->ska", T[..., :3, :3], self.point_springs[1]) + T[..., :3, 3]
 
     def _changed(self, **attributes: object) -> Mechanism:
         model = copy(self)
@@ -306,7 +300,7 @@ class Mechanism:
         """The coordinates of a part."""
         return self.built.spans[part]
 
-    def end_of(self, part: str) -> Site:
+    def end_of(self, part: str) -> BodyFrame:
         """Where a part ends."""
         return self.built.ends[part]
 
@@ -528,14 +522,12 @@ class Mechanism:
         turning = self.joint_rotary[:, None]
         shifts = np.where(turning, cross(axes, point - behind[1:, :3, 3]), axes)
         turns = np.where(turning, axes, 0.0)
-        result: Array = (np.concatenate([shifts, turns], axis=1) * moving[:, None]).T
-        return result
+        return (np.concatenate([shifts, turns], axis=1) * moving[:, None]).T
 
     def motion(self, kinematics: Kinematics, joint: int, point: Array) -> Array:
         """Velocity and angular velocity ``(6, size)`` of a point ``(3,)`` behind a joint by the coordinates'."""
         moving = self._joint_jacobian(kinematics.behind, kinematics.axes, point, self.way(joint))
-        result: Array = self.drive.gathered(moving)
-        return result
+        return self.drive.gathered(moving)
 
     def at_point(self, kinematics: Kinematics, joint: int, offset: Array) -> Kinematics:
         """The same geometry seen by a point ``offset`` (3,) mm behind a joint, −1 for the ground, as its end."""
@@ -584,8 +576,7 @@ class Mechanism:
         return self._dimensionless(self.closing(kinematics), self.unit_of_closing)
 
     def _dimensionless(self, rows: Array, unit: Array) -> Array:
-        result: Array = rows[:, : self.coordinates] * self.coordinate_scale[: self.coordinates] / unit[:, None]
-        return result
+        return rows[:, : self.coordinates] * self.coordinate_scale[: self.coordinates] / unit[:, None]
 
     @cached_property
     def unit_of_closing(self) -> Array:
@@ -614,8 +605,7 @@ class Mechanism:
     def shape(self, kinematics: Kinematics) -> Array:
         """Positions ``(k, 3)`` of the stations in the world, mm."""
         T = kinematics.behind[self._station_joint + 1]
-        result: Array = np.einsum("kab,kb->ka", T[:, :3, :3], self._station_position) + T[:, :3, 3]
-        return result
+        return np.einsum("kab,kb->ka", T[:, :3, :3], self._station_position) + T[:, :3, 3]
 
     def velocities(self, x: Array, motion: Array) -> Array:
         """Velocities ``(k, 3)`` of the stations at ``x`` (n,), the coordinates moving by ``motion`` (n,)."""
@@ -632,8 +622,7 @@ class Mechanism:
         for ancestor in self._ancestors:
             moved = moved[ancestor] + moved
         moved = moved[self._station_joint + 1]
-        result: Array = cross(moved[:, :3], self.shape(kinematics)) + moved[:, 3:]
-        return result
+        return cross(moved[:, :3], self.shape(kinematics)) + moved[:, 3:]
 
     @cached_property
     def _station_joint(self) -> np.ndarray:
@@ -691,8 +680,7 @@ class Mechanism:
         Raises:
             ValueError: the machine is in none, see `Machine.at`.
         """
-        result: Array = self.values(self.built.stands[None])[0]
-        return result
+        return self.values(self.built.stands[None])[0]
 
     @cached_property
     def natural(self) -> Array:
@@ -755,7 +743,7 @@ class Mechanism:
 
     # --- end frames free ----------------------------------------------------------------------------------
 
-    def _end(self, name: str) -> Site:
+    def _end(self, name: str) -> BodyFrame:
         last = self.chain.parts[-1].name if self.chain.parts else ""
         return self.built.ends[self.chain.ends.get(name, last)]
 

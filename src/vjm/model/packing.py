@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from vjm.kernels.arrays import BEAM_COLUMN, LAW, LINEAR, OWN, PASSIVE, MachineArrays
 from vjm.kernels.elimination import BALL, END, SPRING, TURNING, WELD
 from vjm.kernels.statics import ORDER
-from vjm.model.assembly import Assembly, Site
+from vjm.model.assembly import Assembly, BodyFrame
 from vjm.model.springs import BeamColumnSpring, LawSpring, LinearSpring, Spring
 from vjm.rotations import Array
 
@@ -252,7 +252,7 @@ def machine_arrays(
     *,
     springs: tuple[np.ndarray, Array, Array],
     closures: tuple[np.ndarray, Array, Sequence[int]],
-    ends: Sequence[Site] = (),
+    ends: Sequence[BodyFrame] = (),
     spare: tuple[int, int] = (0, 0),
 ) -> MachineArrays:
     """What a machine consists of, for `packed`: no loads, no order, all coordinates in place of the border's.
@@ -310,7 +310,7 @@ def closure_sites(built: Assembly) -> tuple[np.ndarray, Array]:
     """Last joints ``(c, 2)`` before the two frames of each closure, −1 for the ground; the frames behind them."""
     joints, frames = [], []
     for closure in built.chain.closures:
-        sites = [built.ends[part] if part else Site(-1, np.eye(4)) for part in closure.parts]
+        sites = [built.ends[part] if part else BodyFrame(-1, np.eye(4)) for part in closure.parts]
         joints.append([site.joint for site in sites])
         frames.append([site.frame @ own for site, own in zip(sites, closure.frames, strict=True)])
     return np.array(joints, dtype=np.int64).reshape(-1, 2), np.array(frames).reshape(-1, 2, 4, 4)

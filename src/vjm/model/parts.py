@@ -562,8 +562,7 @@ class Beam:
     def tip(self) -> Array:
         """Vector ``(3,)`` from root to tip in the chain frame, mm."""
         own = self.section_frame @ np.array([self.length, 0.0, 0.0]) + self.end_offset
-        result: Array = self.own_frame @ own
-        return result
+        return self.own_frame @ own
 
     @property
     def section_in_chain(self) -> Array:
@@ -594,8 +593,7 @@ class Beam:
         # of a boom that comes out of its root, all of it lies behind
         half = -0.5 if self.free_length else 0.5
         own = self.section_frame @ np.array([half * self.length, 0.0, 0.0]) if self.centre is None else self.centre
-        result: Array = self.own_frame @ own
-        return result
+        return self.own_frame @ own
 
     def fraction_of(self, point: Array) -> float:
         """Where along the beam a point ``(3,)`` mm lies, in the chain frame at its root: from 0 to 1.

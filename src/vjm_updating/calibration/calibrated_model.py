@@ -22,13 +22,13 @@ from vjm_updating.constants import numerical
 from vjm_updating.diagnosis.column import ColumnYield
 from vjm_updating.diagnosis.document import ValueRow
 from vjm_updating.experiment import Measurement
-from vjm_updating.inference.fitting import Fit, Fitter
+from vjm_updating.inference.fitting import Fit, LeastSquaresProblem
 from vjm_updating.inference.instruments import InstrumentScale, InstrumentZero, ThermalDrift
 from vjm_updating.inference.joint_forward import JointHardening, JointThreeSlopes
 from vjm_updating.mechanisms.drives import ActuatorCompliance
 from vjm_updating.mechanisms.effect import Effect, part_table
 from vjm_updating.mechanisms.loads import Gravity, LoadMisalignment
-from vjm_updating.mechanisms.modified_chain import STANDARD_GRAVITY, ModifiedChain, beam_of
+from vjm_updating.mechanisms.modified_chain import STANDARD_GRAVITY, ModifiedMachine, beam_of
 from vjm_updating.mechanisms.structure import (
     BaseCompliance,
     FootLumping,
@@ -210,8 +210,7 @@ def _as_theory_changes(old: Beam, new: Beam) -> Array:
     L, M, N = (np.linalg.cholesky(size[:, None] * C * size) for C in (old.compliance / old.count, before, after))
     change = np.linalg.solve(M, N)
     root = (L @ change) / size[:, None]
-    result: Array = root @ root.T * old.count
-    return result
+    return root @ root.T * old.count
 
 
 def _softened_alike(beam: Beam, compliance: Array) -> Section:
@@ -221,8 +220,7 @@ def _softened_alike(beam: Beam, compliance: Array) -> Section:
 
     def at_middle(C: Array) -> Array:
         middle = -beam.end_offset - beam.section_frame @ np.array([0.5 * beam.length, 0.0, 0.0])
-        result: Array = np.diag(rotate_matrix6(shift_compliance(C, middle), beam.section_frame.T))
-        return result
+        return np.diag(rotate_matrix6(shift_compliance(C, middle), beam.section_frame.T))
 
     softer = at_middle(compliance) / at_middle(beam.compliance)
     s = beam.section
@@ -270,13 +268,15 @@ WORDS: dict[type[Effect], str] = {
 ERRORS = (InstrumentZero, InstrumentScale, ThermalDrift)
 
 
-def extended_chain(fitter: Fitter, fit: Fit) -> Machine:
+def extended_chain(fitter: LeastSquaresProblem, fit: Fit) -> Machine:
     """The chain as the extended file has it, its machine's nuisances included."""
     measurement = fitter.forward.observed.measurement
     return build_chain(extended_document(measurement, fitter, fit), FILE)
 
 
-def extended_document(measurement: Measurement, fitter: Fitter, fit: Fit, way: str = "extended") -> dict[str, Any]:
+def extended_document(
+    measurement: Measurement, fitter: LeastSquaresProblem, fit: Fit, way: str = "extended"
+) -> dict[str, Any]:
     """The model document of a fit's machine.
 
     Args:
@@ -288,7 +288,7 @@ def extended_document(measurement: Measurement, fitter: Fitter, fit: Fit, way: s
     Raises:
         ValueError: the machine is not one that a model file admits.
     """
-    machine: ModifiedChain = fitter.forward.machine(fit.found, fit.at.z, fit.hypothesis)
+    machine: ModifiedMachine = fitter.forward.machine(fit.parameters, fit.evaluation.z, fit.hypothesis)
     springs = replace(machine, bow=(), asymmetry=(), weight=()).chain()
     document = calibrated_document(measurement, springs, way)
     if not fit.hypothesis:
@@ -309,7 +309,7 @@ def extended_document(measurement: Measurement, fitter: Fitter, fit: Fit, way: s
 
 
 def extended_text(
-    measurement: Measurement, fitter: Fitter, fit: Fit, verdict: str, estimates: Mapping[str, ValueRow]
+    measurement: Measurement, fitter: LeastSquaresProblem, fit: Fit, verdict: str, estimates: Mapping[str, ValueRow]
 ) -> str:
     """The text of the model file.
 
@@ -317,12 +317,12 @@ def extended_text(
         ValueError: the machine is not one that a model file admits.
     """
     document = extended_document(measurement, fitter, fit)
-    machine: ModifiedChain = fitter.forward.machine(fit.found, fit.at.z, fit.hypothesis)
+    machine: ModifiedMachine = fitter.forward.machine(fit.parameters, fit.evaluation.z, fit.hypothesis)
     notes = [f"Verdict: {verdict}.", *_causes(fit, estimates, machine)]
     return model_text(measurement, document, notes, "Extended", "diagnose")
 
 
-def _causes(fit: Fit, estimates: Mapping[str, ValueRow], machine: ModifiedChain) -> list[str]:
+def _causes(fit: Fit, estimates: Mapping[str, ValueRow], machine: ModifiedMachine) -> list[str]:
     lines = []
     for effect, values in zip(fit.hypothesis, fit.values, strict=True):
         own = ", ".join(
@@ -335,7 +335,7 @@ def _causes(fit: Fit, estimates: Mapping[str, ValueRow], machine: ModifiedChain)
     return lines
 
 
-def _where(effect: Effect, values: Sequence[float], machine: ModifiedChain) -> str:
+def _where(effect: Effect, values: Sequence[float], machine: ModifiedMachine) -> str:
     """Where an effect is in the file, or why it is not."""
     words = next((words for kind, words in WORDS.items() if isinstance(effect, kind)), "")
     if isinstance(effect, Gravity):

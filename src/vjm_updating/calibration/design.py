@@ -13,7 +13,7 @@ import numpy as np
 
 from vjm.continuation.path import Path
 from vjm.design.critical import event_rates
-from vjm.design.linear_state import question
+from vjm.design.linear_state import loaded_posture
 from vjm.engines import VjmEngine
 from vjm.errors import NoConvergenceError
 from vjm.model.load_case import COMPONENTS, Direction, LoadCase, ramp_end
@@ -27,7 +27,7 @@ from vjm_updating.calibration.parameters import split_parts, unknowns
 from vjm_updating.constants import numerical
 from vjm_updating.experiment import Measurement
 from vjm_updating.identify.rounding import PrintedEntry, printed_entries
-from vjm_updating.inference.fitting import Fitter
+from vjm_updating.inference.fitting import LeastSquaresProblem
 from vjm_updating.inference.observed import planned
 
 QUANTITIES = {"K0": "N/mm", "F_cr": "N", "d_cr": "mm"}
@@ -88,7 +88,9 @@ def predicted(chain: Machine, engine: VjmEngine, parameters: Sequence[Parameter]
     """Every figure of every path of a chain, with its derivatives by the parameters."""
     result, nothing = [], ("",) * len(parameters)
     paths = paths_of(chain, engine)
-    asked = {posture: question(chain, posture, displacement=(0.0,) * 6, engine=engine) for posture, _ in paths}
+    asked = {
+        posture: loaded_posture(chain, posture, displacement=(0.0,) * 6, engine=engine) for posture, _ in paths
+    }
     K0 = {posture: _unloaded_slopes(chain, engine, posture, parameters) for posture in asked}
     for (posture, direction), path in paths.items():
         result.append(Predicted(posture, direction, "K0", "", path.points[0].tangent, K0[posture], nothing))
@@ -205,12 +207,12 @@ def usual_ramps(fit: CalibrationSolution) -> list[LoadCase]:
     problem, chain = fit.problem, fit.problem.unknowns.chain
     if problem.observed.measurement.loaded:
         free = problem.observed.measurement.free
-        largest = float(np.abs(problem.observed.pose[:, :3]).max())
+        largest = float(np.abs(problem.observed.imposed[:, :3]).max())
         axes = [axis for axis in COMPONENTS[:3] if axis in free and largest > 0.0]
         return [LoadCase(posture, largest, axis) for posture in chain.postures for axis in axes]
     ends: dict[tuple[str, float], float] = {}
     for ray in problem.observed.rays:
-        for value in problem.observed.pose[ray.index, 0]:
+        for value in problem.observed.imposed[ray.index, 0]:
             key = (ray.posture, float(np.sign(value)))
             ends[key] = max(ends.get(key, 0.0), abs(float(value)))
     least = 1e-3 * chain.characteristic_length
@@ -292,9 +294,10 @@ def _information(fit: CalibrationSolution, ramp: LoadCase) -> Array:
     places = np.linspace(0.0, ramp.to, READINGS + 1)[1:]
     observed = planned(fit.problem.observed, ramp.posture, np.abs(ramp.direction), places)
     unknowns = fit.problem.unknowns.all
-    own = Fitter(fit.problem.forward(observed), unknowns, fit.whitening.reading(observed), fit.fitter.rounding)
+    own = LeastSquaresProblem(
+        fit.problem.forward(observed), unknowns, fit.whitening.reading(observed), fit.fitter.rounding
+    )
     evaluation = own.forward.evaluate(unknowns, fit.z, ())
     own.weigh(evaluation)
     J = own.whitening.flat(own.slopes(unknowns, evaluation, ()))
-    result: Array = J.T @ J
-    return result
+    return J.T @ J

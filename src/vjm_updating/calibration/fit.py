@@ -23,7 +23,7 @@ from vjm_updating.constants import numerical, stated_level
 from vjm_updating.experiment import Kind, Measurement
 from vjm_updating.frequencies.forward import FrequencyForward
 from vjm_updating.inference.bounded_normal import inverse
-from vjm_updating.inference.fitting import Fit, Fitter, Whitening, best_fit, whitening_of
+from vjm_updating.inference.fitting import Fit, LeastSquaresProblem, Whitening, best_fit, whitening_of
 from vjm_updating.inference.forward import Forward, observe_ramps
 from vjm_updating.inference.joint_forward import JointForward
 from vjm_updating.inference.load_forward import LoadForward
@@ -143,7 +143,7 @@ class Solution(ABC):
 
     everything: Observed
     forward: Calibrated | JointForward
-    fitter: Fitter
+    fitter: LeastSquaresProblem
     fit: Fit
 
     @property
@@ -164,7 +164,7 @@ class Solution(ABC):
     @property
     def z(self) -> Array:
         """The unknowns ``(n_z,)``."""
-        return self.fit.at.z
+        return self.fit.evaluation.z
 
     @property
     def deviation(self) -> Array:
@@ -174,7 +174,7 @@ class Solution(ABC):
     @cached_property
     def at(self) -> Evaluation:
         """All readings against the model."""
-        return self.forward.evaluate(self.fit.found, self.z, self.fit.hypothesis)
+        return self.forward.evaluate(self.fit.parameters, self.z, self.fit.hypothesis)
 
     @cached_property
     def nominal(self) -> Evaluation:
@@ -184,7 +184,7 @@ class Solution(ABC):
     @property
     def branched(self) -> np.ndarray:
         """Whether each reading ``(n,)`` lies behind a bifurcation."""
-        return self.forward.behind_bifurcation(self.fit.found, self.z, self.fit.hypothesis)
+        return self.forward.behind_bifurcation(self.fit.parameters, self.z, self.fit.hypothesis)
 
     @property
     def whitening(self) -> Whitening:
@@ -199,7 +199,7 @@ class Solution(ABC):
     @cached_property
     def residual(self) -> Array:
         """Whitened ``(n, 6)``, less the likeliest errors of straight lines and means; zero for outliers."""
-        raw = self.whitening.without_slow(self.fit.at.residual)
+        raw = self.whitening.without_slow(self.fit.evaluation.residual)
         return np.where(self.whitening.present, self.whitening.independent(raw), 0.0)
 
     @cached_property
@@ -207,8 +207,7 @@ class Solution(ABC):
         """Residuals ``(n, 6)`` of all readings in standard deviations of each on its own."""
         made = self.at.sensitivity * self.everything.pose_noise[:, None, :]
         noise = np.sqrt(self.everything.noise.wrench**2 + np.sum(made**2, axis=2))
-        result: Array = self.whitening.without_slow(self.at.residual) / noise
-        return result
+        return self.whitening.without_slow(self.at.residual) / noise
 
 
 @dataclass(frozen=True)
@@ -237,21 +236,18 @@ class CalibrationSolution(Solution):
     def pulls(self) -> Array:
         """The nuisances ``(n_z − n_parameters,)`` in the sheet's standard deviations of each."""
         own = self.problem.unknowns.parameters
-        result: Array = self.z[own:] / self.problem.unknowns.sigma[own:]
-        return result
+        return self.z[own:] / self.problem.unknowns.sigma[own:]
 
     @cached_property
     def information(self) -> Array:
         """What the data say of the unknowns ``(n_z, n_z)``, without the priors."""
         J = self.whitening.flat(self.fit.jacobian)
-        result: Array = J.T @ J
-        return result
+        return J.T @ J
 
     @cached_property
     def normal(self) -> Array:
         """Inverse covariance of the unknowns ``(n_z, n_z)``, priors included."""
-        result: Array = self.information + np.diag(self.problem.unknowns.sigma**-2.0)
-        return result
+        return self.information + np.diag(self.problem.unknowns.sigma**-2.0)
 
     @cached_property
     def covariance(self) -> Array:
@@ -272,28 +268,27 @@ def solve(problem: CalibrationProblem) -> CalibrationSolution:
     first = _best(fitter, start)
     fit = choose_branches(fitter, first)
     if fit is not first:
-        fit = _best(fitter, fit.at.z)
+        fit = _best(fitter, fit.evaluation.z)
     fit = refit(fitter, Observed.without, everything, fit)
     fitter.rounding = ROUNDING
     for _ in range(ROUNDS):
-        before, deviation = fit.at.z, deviations(fitter, fit)
-        fitter.weigh(fit.at)
+        before, deviation = fit.evaluation.z, deviations(fitter, fit)
+        fitter.weigh(fit.evaluation)
         fitter.whitening = replace(fitter.whitening, spread=spread_of(fitter, fit, problem.unknowns.parameters))
         fit = _best(fitter, before, fitter.machine_slopes(fit))
-        if np.max(np.abs(fit.at.z - before) / deviation) < SETTLED:
+        if np.max(np.abs(fit.evaluation.z - before) / deviation) < SETTLED:
             break
-    fit = replace(fit, jacobian=fitter.slopes(fit.found, fit.at, ()))
+    fit = replace(fit, jacobian=fitter.slopes(fit.parameters, fit.evaluation, ()))
     assert isinstance(fitter.forward, Calibrated)
     return CalibrationSolution(everything, fitter.forward.reading(everything), fitter, fit, problem)
 
 
-def deviations(fitter: Fitter, fit: Fit) -> Array:
+def deviations(fitter: LeastSquaresProblem, fit: Fit) -> Array:
     """Standard deviations ``(n_z,)`` of a fit's unknowns with the noise that its fitter has now."""
-    result: Array = np.sqrt(np.diag(inverse(fitter.normal(fit), np.ones(len(fit.at.z), dtype=bool))))
-    return result
+    return np.sqrt(np.diag(inverse(fitter.normal(fit), np.ones(len(fit.evaluation.z), dtype=bool))))
 
 
-def fitter_of(problem: CalibrationProblem) -> tuple[Fitter, Evaluation]:
+def fitter_of(problem: CalibrationProblem) -> tuple[LeastSquaresProblem, Evaluation]:
     """A fitter of all readings with the sheet's noise, and the readings against the nominal model.
 
     Raises:
@@ -301,22 +296,22 @@ def fitter_of(problem: CalibrationProblem) -> tuple[Fitter, Evaluation]:
     """
     forward = problem.forward(problem.observed)
     nominal = forward.evaluate(problem.unknowns.all, problem.unknowns.start, ())
-    return Fitter(forward, problem.unknowns.all, whitening_of(problem.observed, nominal)), nominal
+    return LeastSquaresProblem(forward, problem.unknowns.all, whitening_of(problem.observed, nominal)), nominal
 
 
-def _best(fitter: Fitter, start: Array, borrowed: Array | None = None) -> Fit:
+def _best(fitter: LeastSquaresProblem, start: Array, borrowed: Array | None = None) -> Fit:
     fit = best_fit(fitter, (), start, [], borrowed=borrowed)
     if fit is None:
         raise NoConvergenceError("the model does not reach the readings")
     return fit
 
 
-def spread_of(fitter: Fitter, fit: Fit, parameters: int) -> Array:
+def spread_of(fitter: LeastSquaresProblem, fit: Fit, parameters: int) -> Array:
     """Standard deviation ``(6,)`` of each channel's residuals over the sheet's, where it is told from that."""
     present = fitter.whitening.present
     spread = np.ones(present.shape[1])
     whitening = replace(fitter.whitening, spread=spread.copy())
-    r = whitening.independent(whitening.without_slow(fit.at.residual))
+    r = whitening.independent(whitening.without_slow(fit.evaluation.residual))
     used = parameters / max(int(present.sum()), 1)
     for c in np.flatnonzero(present.any(axis=0)):
         own = r[present[:, c], c]

@@ -40,7 +40,7 @@ from vjm_updating.diagnosis.search import RIVAL
 from vjm_updating.experiment import Measurement
 from vjm_updating.experiment.comparison import one_sided
 from vjm_updating.inference.bounded_normal import inverse
-from vjm_updating.inference.fitting import Fit, Fitter
+from vjm_updating.inference.fitting import Fit, LeastSquaresProblem
 from vjm_updating.inference.joint_forward import JointCompliance, JointForward, JointHardening, JointThreeSlopes
 from vjm_updating.inference.parameters import uncertain
 from vjm_updating.inference.refit import begun_anew, refit
@@ -114,7 +114,7 @@ def _fitted(prepared: Prepared, kind: JointTest) -> Fit:
         # a spring that is straight is one or the other in disguise
         cost = criterion(fitter, fit, own, samples, replace(kind.costs, disguised=0.0))
         number = int(fitter.whitening.present.sum())
-        noise_alone = fitter.squares(fit.found, fit.at) < number + MISFIT * np.sqrt(2.0 * number)
+        noise_alone = fitter.squares(fit.parameters, fit.evaluation) < number + MISFIT * np.sqrt(2.0 * number)
         # a straight spring is both: only what readings leave no doubt of has three slopes
         if best is None or (noise_alone and cost < best[0] - RIVAL):
             best = cost, fit
@@ -123,7 +123,7 @@ def _fitted(prepared: Prepared, kind: JointTest) -> Fit:
     # about the law that was chosen others may be outliers
     fit = refit(fitter, kind.without_outliers, prepared.all, best[1])
     known = np.diag(prepared.fitter.normal(fit))
-    for coordinate, information in zip(fit.found, known, strict=True):
+    for coordinate, information in zip(fit.parameters, known, strict=True):
         if coordinate.sigma != 0.0 and not information > 0.0:
             raise NoConvergenceError(
                 f"{prepared.all.readings.file}: the readings do not change with {coordinate.name}: load the joint "
@@ -138,15 +138,15 @@ def _document(measurement: Measurement, solution: JointSolution) -> Calibration:
     beyond = not_reached(solution.everything, values)
     guessed = "The second kink of its slopes was not reached: K3 and T2 are as catalogues have them."
     # each coordinate in its own unit
-    own = [i for i, c in enumerate(fit.found) if c.sigma != 0.0]
-    slopes = np.array([fit.found[i].slope(float(solution.z[i])) for i in own])
-    C = inverse(solution.fitter.normal(fit), uncertain(fit.found))[np.ix_(own, own)]
+    own = [i for i, c in enumerate(fit.parameters) if c.sigma != 0.0]
+    slopes = np.array([fit.parameters[i].slope(float(solution.z[i])) for i in own])
+    C = inverse(solution.fitter.normal(fit), uncertain(fit.parameters))[np.ix_(own, own)]
     return Calibration(
         **header(measurement),
         fit=fit_row(solution),
         parameters=_parameters(measurement, {n: v for n, v in values.items() if n not in beyond}),
         nuisances=nuisances,
-        joint=matrix_row([fit.found[i].name for i in own], slopes[:, None] * C * slopes),
+        joint=matrix_row([fit.parameters[i].name for i in own], slopes[:, None] * C * slopes),
         identifiability=IdentifiabilityRow(
             statement=[
                 _seen(measurement),
@@ -213,7 +213,7 @@ def _parameters(measurement: Measurement, values: Mapping[str, ValueRow]) -> lis
     ]
 
 
-def _model(measurement: Measurement, fitter: Fitter, fit: Fit, document: Calibration) -> str:
+def _model(measurement: Measurement, fitter: LeastSquaresProblem, fit: Fit, document: Calibration) -> str:
     """The model with the joint's law, or its compliance at no load; its other laws stand in the head."""
     text = extended_document(measurement, fitter, fit, "calibrated")
     law = "law" in part_table(text, measurement.drive.name)

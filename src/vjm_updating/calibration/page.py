@@ -40,7 +40,7 @@ def pictures(fit: CalibrationSolution, document: Calibration) -> list[Picture]:
 
 def _driven(fit: CalibrationSolution) -> int:
     """The component of the pose that moved most, a rad counting 100 mm."""
-    size = np.max(np.abs(fit.problem.observed.pose), axis=0) * np.repeat([1.0, 100.0], 3)
+    size = np.max(np.abs(fit.problem.observed.imposed), axis=0) * np.repeat([1.0, 100.0], 3)
     return int(np.argmax(size))
 
 
@@ -56,15 +56,15 @@ def _fit_picture(fit: CalibrationSolution) -> Picture:
     observed, labels, axis = fit.problem.observed, _labels(fit), _driven(fit)
     channels = [int(c) for c in np.flatnonzero(observed.present.any(axis=0))]
     # what hardly moves says nothing in a picture
-    size = {c: float(np.nanmax(np.abs(observed.wrench[:, c]))) / observed.noise.wrench[c] for c in channels}
+    size = {c: float(np.nanmax(np.abs(observed.measured[:, c]))) / observed.noise.wrench[c] for c in channels}
     shown = sorted(sorted(channels, key=lambda c: -size[c])[:3])
     with figure(0.4 + 1.9 * len(shown), len(labels), rows=len(shown)) as (fig, axes):
         for row, c in enumerate(shown):
             for column, (posture, indices) in enumerate(labels.items()):
                 ax = axes[row * len(labels) + column]
-                x = observed.pose[indices, axis]
+                x = observed.imposed[indices, axis]
                 order = np.argsort(x, kind="stable")
-                read = observed.wrench[indices, c]
+                read = observed.measured[indices, c]
                 outlying = fit.outliers[indices, c]
                 ax.plot(x, read, ".", color="#8c96a0", ms=3.0, label="readings")
                 ax.plot(x[outlying], read[outlying], "x", color=BAD, ms=5.0, label="outlier")

@@ -19,8 +19,8 @@ from vjm.model.parts import Beam, Joint, Part, RigidOffset
 from vjm.rotations import Array
 from vjm_updating.constants import definition, physical_bound, prior_scale
 from vjm_updating.experiment import Kind, Nuisance
-from vjm_updating.inference.parameters import Coordinate, Hypothesis
-from vjm_updating.mechanisms.modified_chain import ModifiedChain, beam_of
+from vjm_updating.inference.parameters import FitParameter, Hypothesis
+from vjm_updating.mechanisms.modified_chain import ModifiedMachine, beam_of
 
 WEAK = prior_scale(1.0)
 """Standard deviation of the prior on a parameter's z: a factor of e. It only holds what the data do not see."""
@@ -38,7 +38,7 @@ ABOUT = ("compliance", "lateral-1", "lateral-2")
 
 
 @dataclass(frozen=True)
-class Unknown(Coordinate):
+class CalibrationParameter(FitParameter):
     """A parameter of the machine that a calibration looks for; its prior has the mean zero in z.
 
     Attributes:
@@ -86,15 +86,15 @@ class Unknowns:
 
     chain: Machine
     engine: VjmEngine
-    sought: tuple[Unknown, ...]
-    nuisances: tuple[Coordinate, ...]
+    sought: tuple[CalibrationParameter, ...]
+    nuisances: tuple[FitParameter, ...]
     changes: tuple[tuple[int, int, Change], ...]
 
     def __len__(self) -> int:
         return len(self.all)
 
     @property
-    def all(self) -> tuple[Coordinate, ...]:
+    def all(self) -> tuple[FitParameter, ...]:
         """The coordinates."""
         return (*self.sought, *self.nuisances)
 
@@ -177,8 +177,8 @@ def unknowns(
         ValueError: a name means nothing, or two mean the same.
     """
     split = split_parts(engine, chain)
-    sought: list[Unknown] = []
-    nuisances: list[Coordinate] = []
+    sought: list[CalibrationParameter] = []
+    nuisances: list[FitParameter] = []
     changes: list[tuple[int, int, Change]] = []
     taken: dict[str, set[str]] = {}
     for name in _spelt_out(names):
@@ -195,7 +195,7 @@ def unknowns(
         changes.append((len(sought), len(sought) + len(block), change))
         sought += block
     for nuisance in extra:
-        own = Coordinate(nuisance.name, nuisance.kind, nuisance.subject, nuisance.sigma)
+        own = FitParameter(nuisance.name, nuisance.kind, nuisance.subject, nuisance.sigma)
         index = len(sought) + len(nuisances)
         if nuisance.kind is Kind.MODULUS:
             part = _part(chain, nuisance.subject)
@@ -250,11 +250,15 @@ def _counting(part: Part, split: set[str]) -> set[str]:
     }
 
 
-def _unknown(name: str, unit: str, nominal: float) -> Unknown:
-    return Unknown(name, "parameter", name.partition(".")[0], 1.0, sigma=WEAK, unit=unit, nominal=nominal)
+def _unknown(name: str, unit: str, nominal: float) -> CalibrationParameter:
+    return CalibrationParameter(
+        name, "parameter", name.partition(".")[0], 1.0, sigma=WEAK, unit=unit, nominal=nominal
+    )
 
 
-def _block(name: str, part: Part, what: str, split: set[str], length: float) -> tuple[list[Unknown], Change]:
+def _block(
+    name: str, part: Part, what: str, split: set[str], length: float
+) -> tuple[list[CalibrationParameter], Change]:
     """The coordinates of one name and what they do."""
     if isinstance(part, Joint):
         return _softness(name, part, what, length)
@@ -320,7 +324,7 @@ def _softened(beam: Beam, names: set[str], factor: float, *, both: bool = False)
     return replace(beam, section=section, compliance=compliance)
 
 
-def _modulus(part: Beam, names: set[str], own: Coordinate, *, whole: bool) -> Change:
+def _modulus(part: Beam, names: set[str], own: FitParameter, *, whole: bool) -> Change:
     def change(chain: Machine, z: Array) -> Machine:
         factor = 1.0 / (1.0 + own.value(float(z[0])))
         return _with(chain, _softened(beam_of(chain, part.name), names, factor, both=whole))
@@ -342,7 +346,7 @@ def _matrix(part: Beam) -> Change:
     return change
 
 
-def _mass(name: str, own: Coordinate | None = None) -> Change:
+def _mass(name: str, own: FitParameter | None = None) -> Change:
     """Mass and moments of inertia of a part times exp(z), or one plus a nuisance."""
 
     def change(chain: Machine, z: Array) -> Machine:
@@ -359,7 +363,7 @@ def _mass(name: str, own: Coordinate | None = None) -> Change:
     return change
 
 
-def _length(own: Coordinate) -> Change:
+def _length(own: FitParameter) -> Change:
     def change(chain: Machine, z: Array) -> Machine:
         length = beam_length(chain, own.subject)
         return length.apply(chain, length.value + own.value(float(z[0])))
@@ -367,7 +371,7 @@ def _length(own: Coordinate) -> Change:
     return change
 
 
-def _softness(name: str, part: Joint, what: str, length: float) -> tuple[list[Unknown], Change]:
+def _softness(name: str, part: Joint, what: str, length: float) -> tuple[list[CalibrationParameter], Change]:
     """The coordinate of one spring's compliance; a rigid one's unit is `SOFT_DRIVE`, at the ``length``."""
     if part.matrix is not None:
         raise ValueError(f"parameter '{name}': {part.name} has a whole 6×6, which is not looked for")
@@ -405,7 +409,7 @@ class OfUnknowns:
 
     unknowns: Unknowns = field(kw_only=True)
 
-    def machine(self, unknowns: Sequence[Coordinate], z: Array, hypothesis: Hypothesis) -> ModifiedChain:
+    def machine(self, unknowns: Sequence[FitParameter], z: Array, hypothesis: Hypothesis) -> ModifiedMachine:
         """The chain that the unknowns ``(n_z,)`` mean."""
         changed = tuple(z[self.unknowns.on_chain].tolist())
-        return ModifiedChain(self.unknowns.build(z), self.unknowns.engine, changed=changed)
+        return ModifiedMachine(self.unknowns.build(z), self.unknowns.engine, changed=changed)

@@ -52,7 +52,7 @@ from vjm_updating.experiment import Kind, Measurement
 from vjm_updating.experiment.data_file import unit_of
 from vjm_updating.experiment.mistakes import DIAGNOSED, TAKEN_BY_FORCE, columns_mistaken, refuse_mistaken
 from vjm_updating.experiment.plausibility import considered
-from vjm_updating.inference.parameters import Coordinate
+from vjm_updating.inference.parameters import FitParameter
 from vjm_updating.inference.significance import NORMAL_95, more_than_noise
 from vjm_updating.result import CALIBRATED, CalibrationResult
 
@@ -79,7 +79,10 @@ def profile_interval(fit: CalibrationSolution, index: int) -> tuple[float, float
 
 
 def _end(fit: CalibrationSolution, index: int, sign: float) -> float:
-    best, deviation = fit.fitter.squares(fit.fit.found, fit.fit.at), float(np.sqrt(fit.covariance[index, index]))
+    best, deviation = (
+        fit.fitter.squares(fit.fit.parameters, fit.fit.evaluation),
+        float(np.sqrt(fit.covariance[index, index])),
+    )
     bound = float(fit.problem.unknowns.lowest[index])
     plain = fit.z[index] + sign * NORMAL_95 * deviation
     if sign < 0.0 and plain <= bound:
@@ -114,10 +117,10 @@ def _worse(fit: CalibrationSolution, index: int, trial: float, best: float, shif
     along = fit.covariance[:, index] / fit.covariance[index, index]
     z = np.maximum(fit.z + trial * along + trial**2 * shift, fit.problem.unknowns.lowest)
     z[index] = fit.z[index] + trial
-    evaluation = fit.fitter.forward.evaluate(fit.fit.found, z, ())
-    value = fit.fitter.squares(fit.fit.found, evaluation)
+    evaluation = fit.fitter.forward.evaluate(fit.fit.parameters, z, ())
+    value = fit.fitter.squares(fit.fit.parameters, evaluation)
     free = np.arange(len(z)) != index
-    _, downhill = fit.fitter.system(fit.fit.found, evaluation, fit.fit.jacobian)
+    _, downhill = fit.fitter.system(fit.fit.parameters, evaluation, fit.fit.jacobian)
     change = np.zeros(len(z))
     change[free] = np.linalg.solve(fit.normal[np.ix_(free, free)], downhill[free])
     # what the step will gain is known well enough without taking it
@@ -252,7 +255,7 @@ def compliance_rows(fit: CalibrationSolution, identifiability: Identifiability) 
 def nuisance_rows(fit: Solution) -> list[NuisanceRow]:
     """The nuisances that the sheet allows."""
     rows = []
-    for own, z, deviation in zip(fit.fit.found, fit.z.tolist(), fit.deviation.tolist(), strict=True):
+    for own, z, deviation in zip(fit.fit.parameters, fit.z.tolist(), fit.deviation.tolist(), strict=True):
         if own.kind in list(Kind) and own.sigma > 0.0:
             rows.append(
                 NuisanceRow(
@@ -277,7 +280,7 @@ def beyond_tolerance(rows: Sequence[NuisanceRow]) -> list[str]:
     ]
 
 
-def _unit(nuisance: Coordinate) -> str:
+def _unit(nuisance: FitParameter) -> str:
     if nuisance.kind == Kind.ZERO:
         return nuisance.subject.rpartition("_")[2].replace("Nmm", "N mm")
     return "mm" if nuisance.kind == Kind.LENGTH else "1"
@@ -293,7 +296,7 @@ def joint_row(fit: CalibrationSolution, identifiability: Identifiability) -> Mat
         names.append(name)
         rows.append(row)
 
-    def own(i: int, unknown: Coordinate) -> None:
+    def own(i: int, unknown: FitParameter) -> None:
         add(unknown.name, unknown.slope(float(fit.z[i])) * np.eye(n)[i])
 
     for k in np.flatnonzero(identifiability.separable):

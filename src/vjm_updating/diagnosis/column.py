@@ -23,10 +23,10 @@ from vjm_updating.inference.forward import Predictor, values_of
 from vjm_updating.inference.instruments import InstrumentScale, InstrumentZero
 from vjm_updating.inference.noise import Noise, noise_of
 from vjm_updating.inference.observed import Observed
-from vjm_updating.inference.parameters import Coordinate, Evaluation, Hypothesis, instrument_errors
+from vjm_updating.inference.parameters import Evaluation, FitParameter, Hypothesis, instrument_errors
 from vjm_updating.mechanisms.column import column_force
 from vjm_updating.mechanisms.effect import Effect, Quantity, part_table
-from vjm_updating.mechanisms.modified_chain import ModifiedChain, beam_of, link_of
+from vjm_updating.mechanisms.modified_chain import ModifiedMachine, beam_of, link_of
 from vjm_updating.mechanisms.structure import LinkBow, LinkCompliance, LinkLength
 
 CLAMPED = physical_bound(100.0)
@@ -75,7 +75,7 @@ class ColumnBow(LinkBow):
         """Small and large."""
         return [(size,) for size in self.sizes]
 
-    def machine(self, machine: ModifiedChain, values: Sequence[float]) -> ModifiedChain:
+    def machine(self, machine: ModifiedMachine, values: Sequence[float]) -> ModifiedMachine:
         """Built with the bow."""
         return machine.with_bow(link_of(machine.nominal), values[0], 0.0)
 
@@ -205,7 +205,7 @@ def noise_found(observed: Observed, fit: Fit) -> tuple[float, Noise]:
     sheet = observed.measurement.sheet
     mark, load = (float(sheet.sigma(name).noise) for name in (*observed.slots, WRENCH[0]))
     on = observed.present[:, 0]
-    r, slope = fit.at.residual[on, 0], fit.at.stiffness[on, 0, 0]
+    r, slope = fit.evaluation.residual[on, 0], fit.evaluation.stiffness[on, 0, 0]
     best, chosen = np.inf, (1.0, 1.0)
     ways = np.geomspace(0.05, 2.0, 16), np.geomspace(1.0, 100.0, 24)
     for a, b in product(*ways) if len(r) >= 2 * LEAST else [chosen]:
@@ -248,18 +248,18 @@ class ColumnForward(Predictor):
     """Predicts the loads at the marks; both sides are alike."""
 
     def evaluate(
-        self, unknowns: Sequence[Coordinate], z: Array, hypothesis: Hypothesis, beside: Array | None = None
+        self, unknowns: Sequence[FitParameter], z: Array, hypothesis: Hypothesis, beside: Array | None = None
     ) -> Evaluation:
         """Readings against a hypothesis; no tables are needed for it."""
         observed = self.observed
         errors = instrument_errors(unknowns, z, observed.slots)
-        place = errors.true_displacement(observed.pose)
+        place = errors.true_displacement(observed.imposed)
         w = place[:, 0]
         wrench = np.zeros((len(w), 6))
         wrench[:, 0] = -self._force(unknowns, z, hypothesis, w)
         stiffness = np.zeros((len(w), 6, 6))
         stiffness[:, 0, 0] = np.gradient(wrench[:, 0], w)
-        return Evaluation(z, errors.residual(observed.wrench, wrench), wrench, stiffness, place, errors)
+        return Evaluation(z, errors.residual(observed.measured, wrench), wrench, stiffness, place, errors)
 
     def evaluate_nominal(self, deflection: Array) -> Array:
         """Loads ``(n,)`` of the sheet's own column, straight and elastic, at deflections ``(n,)`` of its middle."""
@@ -273,7 +273,7 @@ class ColumnForward(Predictor):
         return fibre if isinstance(fibre, str) else "not on the way to the last reading"
 
     def first_yield(
-        self, unknowns: Sequence[Coordinate], z: Array, hypothesis: Hypothesis, *, handbook: bool = False
+        self, unknowns: Sequence[FitParameter], z: Array, hypothesis: Hypothesis, *, handbook: bool = False
     ) -> tuple[float, float] | None:
         """Load in N and deflection in mm at which the middle's outer fibre reaches the proof stress on the way.
 
@@ -307,7 +307,7 @@ class ColumnForward(Predictor):
         shape = _shape(self.observed.measurement)
         if stress is None or shape is None:
             return None
-        w = np.linspace(0.05, float(self.observed.pose[:, 0].max()), 240)
+        w = np.linspace(0.05, float(self.observed.imposed[:, 0].max()), 240)
         P = force(w)
         section = beam_of(chain, link_of(chain)).effective_section()
         inertia = section.EIz / (section.EA / shape.area)
@@ -317,19 +317,21 @@ class ColumnForward(Predictor):
 
     def departs(self, fit: Fit) -> float | None:
         """Deflection in mm from which yield lowers a fit's load by `GONE`; None where it does not on the way."""
-        w = np.linspace(0.05, float(self.observed.pose[:, 0].max()), 240)
-        plain, load = (self._force(fit.found, fit.at.z, fit.hypothesis, w, elastic=e) for e in (True, False))
+        w = np.linspace(0.05, float(self.observed.imposed[:, 0].max()), 240)
+        plain, load = (
+            self._force(fit.parameters, fit.evaluation.z, fit.hypothesis, w, elastic=e) for e in (True, False)
+        )
         lower = np.flatnonzero(load < (1.0 - GONE) * plain)
         return float(w[lower[0]]) if len(lower) else None
 
-    def _stress(self, unknowns: Sequence[Coordinate], z: Array, hypothesis: Hypothesis) -> float | None:
+    def _stress(self, unknowns: Sequence[FitParameter], z: Array, hypothesis: Hypothesis) -> float | None:
         for effect, values in zip(hypothesis, values_of(unknowns, z, hypothesis), strict=True):
             if isinstance(effect, ColumnYield):
                 return values[0]
         return None
 
     def _force(
-        self, unknowns: Sequence[Coordinate], z: Array, hypothesis: Hypothesis, w: Array, *, elastic: bool = False
+        self, unknowns: Sequence[FitParameter], z: Array, hypothesis: Hypothesis, w: Array, *, elastic: bool = False
     ) -> Array:
         machine = self.machine(unknowns, z, hypothesis)
         beam = beam_of(machine.chain(), link_of(machine.nominal))
@@ -350,6 +352,6 @@ class ColumnForward(Predictor):
         return column_force(w, beam.length, section.EIz, _bow(machine), restraint=held)
 
 
-def _bow(machine: ModifiedChain) -> float:
+def _bow(machine: ModifiedMachine) -> float:
     """Amplitude of the column's bow towards the positive deflection, mm."""
     return machine.bow_of(link_of(machine.nominal))[0]

@@ -11,7 +11,7 @@ import numpy as np
 from vjm.rotations import Array
 from vjm_updating.constants import numerical
 from vjm_updating.diagnosis.screening import Projection, projection
-from vjm_updating.inference.fitting import Fit, Fitter, prior, weighed
+from vjm_updating.inference.fitting import Fit, LeastSquaresProblem, prior, weighed
 from vjm_updating.inference.model_error import (
     driven_place,
     integrated,
@@ -29,7 +29,7 @@ SEEN = numerical(1e-6)
 """Share of the largest deviation below which one is rounding."""
 
 
-def responses(fitter: Fitter, fit: Fit, explained: float) -> Array:
+def responses(fitter: LeastSquaresProblem, fit: Fit, explained: float) -> Array:
     """What each cause of a fit whose law may be wrong does to the readings ``(n, 6, m)``, raw, beside the others.
 
     It is no larger than what the causes explain. Else a cause could grow, made up for by nuisances, and its law be
@@ -41,19 +41,19 @@ def responses(fitter: Fitter, fit: Fit, explained: float) -> Array:
         if effect.exact:
             continue
         key = release_key(effect)
-        own = set(of_effect(fit.found, number))
+        own = set(of_effect(fit.parameters, number))
         others = tuple(other for k, other in enumerate(fit.hypothesis) if k != number)
         z = np.array([
             c.mean if (c.kind, c.subject) == key else value
-            for i, (c, value) in enumerate(zip(fit.found, fit.at.z, strict=True))
+            for i, (c, value) in enumerate(zip(fit.parameters, fit.evaluation.z, strict=True))
             if i not in own
         ])  # fmt: skip
         without = fitter.evaluate(coordinates(fitter.nuisances, others), z, others)
         if without is not None:
-            change = without.residual - fit.at.residual
+            change = without.residual - fit.evaluation.residual
             size = float(np.linalg.norm(fitter.whitening.flat(change)))
             made.append(change * min(1.0, explained**0.5 / max(size, 1e-300)))
-    return np.stack(made, axis=-1) if made else np.zeros((*fit.at.residual.shape, 0))
+    return np.stack(made, axis=-1) if made else np.zeros((*fit.evaluation.residual.shape, 0))
 
 
 def _slopes(observed: Observed, made: Array) -> Array:
@@ -69,7 +69,7 @@ def _slopes(observed: Observed, made: Array) -> Array:
     return result
 
 
-def _columns(fitter: Fitter, made: Array, shapes: Array) -> Array:
+def _columns(fitter: LeastSquaresProblem, made: Array, shapes: Array) -> Array:
     """What laws that are wrong by their own size do ``(N, k)``, whitened; in each posture as much as the causes.
 
     What each cause does is ``made`` (n, 6, m), raw; ``shapes`` (n, k) are smooth, orthonormal within a posture.
@@ -100,7 +100,7 @@ def _columns(fitter: Fitter, made: Array, shapes: Array) -> Array:
     return np.concatenate(blocks, axis=1)
 
 
-def spectrum(fitter: Fitter, fit: Fit, space: Projection, explained: float) -> tuple[Array, Array]:
+def spectrum(fitter: LeastSquaresProblem, fit: Fit, space: Projection, explained: float) -> tuple[Array, Array]:
     """The discrepancy's principal directions in the space that the fit cannot absorb.
 
     Returns:
@@ -156,17 +156,17 @@ class Marginalised(Projection):
         return self.noise[self.rows :]
 
 
-def discrepancy(fitter: Fitter, fit: Fit, law_error: float, explained: float) -> float:
+def discrepancy(fitter: LeastSquaresProblem, fit: Fit, law_error: float, explained: float) -> float:
     """What the discrepancy adds to a fit's objective, its size and its shape integrated out; 0 without causes."""
     if not fit.hypothesis or law_error == 0.0:
         return 0.0
-    own = replace(fitter, whitening=weighed(fitter.whitening, fitter.forward.observed, fit.at))
+    own = replace(fitter, whitening=weighed(fitter.whitening, fitter.forward.observed, fit.evaluation))
     space = projection(own, fit)
     U, sizes = spectrum(own, fit, space, explained)
     return integrated(sizes, U.T @ space.residual, law_error)
 
 
-def marginalised(fitter: Fitter, fit: Fit, law_error: float, explained: float) -> Projection:
+def marginalised(fitter: LeastSquaresProblem, fit: Fit, law_error: float, explained: float) -> Projection:
     """The space that a fit cannot absorb, with the likeliest discrepancy of its laws among the noise."""
     space = projection(fitter, fit)
     if not fit.hypothesis or law_error == 0.0:
@@ -210,7 +210,7 @@ class Block:
     directions: Array
 
 
-def misfit(fitter: Fitter, fit: Fit, law_error: float = 0.0, explained: float = 0.0) -> Misfit:
+def misfit(fitter: LeastSquaresProblem, fit: Fit, law_error: float = 0.0, explained: float = 0.0) -> Misfit:
     """Test a fit's residual.
 
     A relative error ``law_error`` of laws whose causes lower the objective by ``explained`` squares is noise.
@@ -238,7 +238,7 @@ def misfit(fitter: Fitter, fit: Fit, law_error: float = 0.0, explained: float = 
     return Misfit(total, left, named, *_prior_p(fit, space), space.law_error)
 
 
-def blocks_of(fitter: Fitter, space: Projection, smooth: Sequence[Block] | None = None) -> list[Block]:
+def blocks_of(fitter: LeastSquaresProblem, space: Projection, smooth: Sequence[Block] | None = None) -> list[Block]:
     """All shapes by kind and channel: smooth ones, made anew where none are given, and sudden ones."""
     observed = fitter.forward.observed
     first = _blocks(fitter, space, *smooth_shapes(observed)) if smooth is None else smooth
@@ -247,8 +247,8 @@ def blocks_of(fitter: Fitter, space: Projection, smooth: Sequence[Block] | None 
 
 def _prior_p(fit: Fit, space: Projection) -> tuple[float, str]:
     """Chance of nuisances as far from the sheet's as a fit's, and the one that went farthest in words."""
-    weight, off = prior(fit.found, fit.at.z)[1], space.off_sheet
-    sheet = [i for i, c in enumerate(fit.found) if c.kind != "effect" and weight[i] > 0.0]
+    weight, off = prior(fit.parameters, fit.evaluation.z)[1], space.off_sheet
+    sheet = [i for i, c in enumerate(fit.parameters) if c.kind != "effect" and weight[i] > 0.0]
     if not sheet:
         return 1.0, ""
     squares = off[sheet] ** 2
@@ -256,7 +256,7 @@ def _prior_p(fit: Fit, space: Projection) -> tuple[float, str]:
     together = float(chi2_sf(squares.sum(), len(sheet)))
     # one alone is lost among twenty that are right
     alone = len(sheet) * float(chi2_sf(squares.max(), 1))
-    words = f"{fit.found[farthest].name} {abs(off[farthest]):.1f} sigma from the sheet's"
+    words = f"{fit.parameters[farthest].name} {abs(off[farthest]):.1f} sigma from the sheet's"
     return min(1.0, 2.0 * min(together, alone)), words
 
 
@@ -285,7 +285,7 @@ def _together(blocks: Sequence[Block], space: Projection) -> tuple[float, int]:
     return float(np.sum((U.T @ space.residual) ** 2)), U.shape[1]
 
 
-def _blocks(fitter: Fitter, space: Projection, shapes: Array, names: Sequence[str]) -> list[Block]:
+def _blocks(fitter: LeastSquaresProblem, space: Projection, shapes: Array, names: Sequence[str]) -> list[Block]:
     """Shapes ``(n, k)`` of a kind as they show in each channel, by the kinds in their names."""
     observed = fitter.forward.observed
     kinds = list(dict.fromkeys(name.partition(": ")[2] for name in names))

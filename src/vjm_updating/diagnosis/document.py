@@ -71,7 +71,7 @@ class FindingsRow(Row):
 
 
 @dataclass(frozen=True)
-class WeighedCauses:
+class PosteriorSample:
     """A set of causes in their places, and how probable it is.
 
     Attributes:
@@ -83,13 +83,13 @@ class WeighedCauses:
     probability: float
 
 
-def acting(hypotheses: Iterable[WeighedCauses], causes: Iterable[str]) -> float:
+def acting(hypotheses: Iterable[PosteriorSample], causes: Iterable[str]) -> float:
     """Probability that one of several causes acts at least."""
     wanted = set(causes)
     return min(1.0, sum(h.probability for h in hypotheses if wanted & set(h.places)))
 
 
-def groups_of(hypotheses: Sequence[WeighedCauses]) -> list[GroupRow]:
+def groups_of(hypotheses: Sequence[PosteriorSample]) -> list[GroupRow]:
     """Causes of which one surely acts, though of none of them it is sure that it does.
 
     Two exchange where they act together more rarely than if they knew nothing of one another. Of those that are
@@ -146,7 +146,7 @@ def credible(
     return sorted(members, key=lambda one: -probability[one])
 
 
-def by_hypotheses(hypotheses: Sequence[WeighedCauses]) -> tuple[dict[str, float], dict[str, dict[str, float]]]:
+def by_hypotheses(hypotheses: Sequence[PosteriorSample]) -> tuple[dict[str, float], dict[str, dict[str, float]]]:
     """Probability of every cause, and of every place of it."""
     p = {cause: acting(hypotheses, [cause]) for cause in sorted({cause for h in hypotheses for cause in h.places})}
     places: dict[str, dict[str, float]] = {cause: {} for cause in p}

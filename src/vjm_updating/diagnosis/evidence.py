@@ -18,7 +18,7 @@ from vjm.rotations import Array
 from vjm_updating.constants import numerical, prior_scale
 from vjm_updating.diagnosis.document import ValueRow
 from vjm_updating.inference.bounded_normal import inverse, log_beyond, truncated_draws
-from vjm_updating.inference.fitting import Fit, Fitter, prior
+from vjm_updating.inference.fitting import Fit, LeastSquaresProblem, prior
 from vjm_updating.inference.forward import values_of
 from vjm_updating.inference.noise import AutoregressiveNoise
 from vjm_updating.inference.parameters import Evaluation, Hypothesis, of_effect, release_key, uncertain
@@ -58,32 +58,34 @@ class Costs:
     off_sheet: bool = False
 
 
-def criterion(fitter: Fitter, fit: Fit, effects: Sequence[Effect], samples: float, costs: Costs = Costs()) -> float:
+def criterion(
+    fitter: LeastSquaresProblem, fit: Fit, effects: Sequence[Effect], samples: float, costs: Costs = Costs()
+) -> float:
     """Objective, what the parameters cost, and the catalogue's choice: of a cause, and of its place.
 
     A free parameter costs the logarithm of the effective readings; those with a usual value and a spread cost what
     the readings have narrowed them down by, see `narrowed`. A cause whose own parameter may as well be nothing is
     another one in disguise.
     """
-    own = [i for i, c in enumerate(fit.found) if c.kind == "effect" and np.isfinite(c.sigma)]
+    own = [i for i, c in enumerate(fit.parameters) if c.kind == "effect" and np.isfinite(c.sigma)]
     # what frees a nuisance has one parameter; what either is or is not has none
     free = sum(1 if release_key(e) else len(e.quantities()) for e in fit.hypothesis) - len(own)
     cost = free * float(np.log(samples)) + choice(fit.hypothesis, effects, costs)
     A = fitter.normal(fit)
-    covariance = inverse(A, uncertain(fit.found))
+    covariance = inverse(A, uncertain(fit.parameters))
     spread = np.maximum(np.diag(covariance), 1e-300)
     # of coordinates that end at bounds the other costs take in what lies beyond
     pressed = fitter.pressure(fit) * spread**0.5
     cost -= 2.0 * float(np.sum(log_beyond(pressed[pressed > 0.0])))
     if costs.off_sheet:
         # by a density of heavy tails, as of shapes: what is far off is rare and not impossible
-        freed = [i for i, c in enumerate(fit.found) if c.of_instrument and not np.isfinite(c.sigma)]
-        cost += 2.0 * float(np.sum(np.log1p(fit.at.z[freed] ** 2)))
-    sigma = np.array([fit.found[i].sigma for i in own])
-    cost += narrowed(covariance[np.ix_(own, own)], prior(fit.found, fit.at.z)[1][own], sigma)
+        freed = [i for i, c in enumerate(fit.parameters) if c.of_instrument and not np.isfinite(c.sigma)]
+        cost += 2.0 * float(np.sum(np.log1p(fit.evaluation.z[freed] ** 2)))
+    sigma = np.array([fit.parameters[i].sigma for i in own])
+    cost += narrowed(covariance[np.ix_(own, own)], prior(fit.parameters, fit.evaluation.z)[1][own], sigma)
     for number, effect in enumerate(fit.hypothesis):
-        indices = of_effect(fit.found, number)[: effect.extent]
-        if indices and _is_nothing(effect, fit.at.z[indices], size_covariance(A, fit, number)):
+        indices = of_effect(fit.parameters, number)[: effect.extent]
+        if indices and _is_nothing(effect, fit.evaluation.z[indices], size_covariance(A, fit, number)):
             cost += costs.disguised
         if len(indices) > 1 and indices[0] not in own:
             # of a vector the directions that the readings say less of cost less
@@ -120,10 +122,10 @@ def size_covariance(A: Array, fit: Fit, number: int) -> Array:
 
     ``A`` is the inverse covariance of all coordinates.
     """
-    own = of_effect(fit.found, number)
+    own = of_effect(fit.parameters, number)
     indices, shape = own[: fit.hypothesis[number].extent], own[fit.hypothesis[number].extent :]
-    free = uncertain(fit.found)
-    free[[i for i in shape if np.isfinite(fit.found[i].sigma)]] = False
+    free = uncertain(fit.parameters)
+    free[[i for i in shape if np.isfinite(fit.parameters[i].sigma)]] = False
     return inverse(A, free)[np.ix_(indices, indices)]
 
 
@@ -197,7 +199,7 @@ class Cone:
         result = self._projected(z)[0]
         return np.maximum(result, self._projected(-z)[0]) if self.mirrored else result
 
-    def chance(self, squares: Array) -> Array:
+    def p_value(self, squares: Array) -> Array:
         """p-value of squares explained, where the residual is white noise of unit variance."""
         whole: Array = chi2_sf(squares, self.dimension)
         if not self.edges.shape[1]:
@@ -244,7 +246,7 @@ class Cone:
 
 
 @dataclass(frozen=True, eq=False)
-class Ranked:
+class ScoredModel:
     """A hypothesis with its fit and its worth.
 
     Attributes:
@@ -256,7 +258,7 @@ class Ranked:
     criterion: float
     cost: float = 0.0
 
-    def coarsened(self, power: float) -> Ranked:
+    def coarsened(self, power: float) -> ScoredModel:
         """The same with its likelihood to a power, see `vjm_updating.diagnosis.verdict.coarsening`."""
         return replace(self, criterion=self.cost + power * (self.criterion - self.cost))
 
@@ -278,17 +280,17 @@ class SearchMove:
     Attributes:
         base: fit of other causes, to begin at.
         starts: values of each effect, one list for each start.
-        promise: its criterion to first order, with the least that it can cost.
-        unsure: by how much that may be off.
-        surely: whether it is to be fitted whatever the first order says.
+        predicted_criterion: its criterion to first order, with the least that it can cost.
+        criterion_error: by how much that may be off.
+        always_fit: whether it is to be fitted whatever the first order says.
     """
 
     hypothesis: Hypothesis
     base: Fit
     starts: Sequence[Sequence[Sequence[float]]]
-    promise: float
-    unsure: float
-    surely: bool = False
+    predicted_criterion: float
+    criterion_error: float
+    always_fit: bool = False
 
     @property
     def labels(self) -> frozenset[str]:
@@ -312,7 +314,7 @@ DIRECTION = "direction_rad"
 """Last word of parameters that are angles all round."""
 
 
-def estimates(fitter: Fitter, fit: Fit, force: float) -> dict[str, ValueRow]:
+def estimates(fitter: LeastSquaresProblem, fit: Fit, force: float) -> dict[str, ValueRow]:
     """The parameters of a fit under docs/measured-data.md's names.
 
     Errors are taken as normal in the fit's own coordinates, where they nearly are; the intervals are of what is
@@ -323,22 +325,22 @@ def estimates(fitter: Fitter, fit: Fit, force: float) -> dict[str, ValueRow]:
     result: dict[str, ValueRow] = {}
     for i, effect in enumerate(fit.hypothesis):
         key = release_key(effect)
-        values = _reported(fit, fit.at.z, i, force)
+        values = _reported(fit, fit.evaluation.z, i, force)
         own = (
-            of_effect(fit.found, i)
+            of_effect(fit.parameters, i)
             if key is None
-            else [k for k, c in enumerate(fit.found) if (c.kind, c.subject) == key]
+            else [k for k, c in enumerate(fit.parameters) if (c.kind, c.subject) == key]
         )
         if not own:
             continue
-        z = fit.at.z[own]
+        z = fit.evaluation.z[own]
         slopes = {name: np.zeros(len(own)) for name in values}
         for k in range(len(own)):
             h = 1e-5 * max(1.0, abs(float(z[k])))
             for name, value in _with(fit, own, z + h * np.eye(len(own))[k], i, force).items():
                 slopes[name][k] = (value - values[name]) / h
         block = covariance[np.ix_(own, own)]
-        low, high = (np.array([getattr(fit.found[k], end) for k in own]) for end in ("low", "high"))
+        low, high = (np.array([getattr(fit.parameters[k], end) for k in own]) for end in ("low", "high"))
         bounded, errors = _errors(block, low - z, high - z, push[own])
         drawn = [_with(fit, own, z + d, i, force) for d in errors]
         for name, value in values.items():
@@ -374,7 +376,7 @@ def estimates(fitter: Fitter, fit: Fit, force: float) -> dict[str, ValueRow]:
     return result
 
 
-def by_profile(fitter: Fitter, fit: Fit, index: int, std: float) -> list[tuple[float, bool]]:
+def by_profile(fitter: LeastSquaresProblem, fit: Fit, index: int, std: float) -> list[tuple[float, bool]]:
     """Ends of an interval that holds 95 % of a shape's posterior, from its profile, and whether readings tell each.
 
     Readings tell an end where they, without the prior, speak against what lies farthest beyond it.
@@ -383,23 +385,23 @@ def by_profile(fitter: Fitter, fit: Fit, index: int, std: float) -> list[tuple[f
     curvature says nothing. So it is found at distances that double, the other coordinates following to first order.
     The first distance is ``std``, by the curvature.
     """
-    coordinate, z = fit.found[index], float(fit.at.z[index])
-    others = [i for i, c in enumerate(fit.found) if i != index and c.sigma != 0.0]
+    coordinate, z = fit.parameters[index], float(fit.evaluation.z[index])
+    others = [i for i, c in enumerate(fit.parameters) if i != index and c.sigma != 0.0]
     W = fitter.whitening.flat(fit.jacobian)[:, others]
-    weight = prior(fit.found, fit.at.z)[1]
+    weight = prior(fit.parameters, fit.evaluation.z)[1]
     A = np.linalg.qr(np.vstack([W, np.diag(weight)[:, others]]))[0]
     known = {z: 0.0}
-    least, by_readings = _least_squares(fitter, fit, fit.at, A), list[bool]()
+    least, by_readings = _least_squares(fitter, fit, fit.evaluation, A), list[bool]()
     for way in (-1.0, 1.0):
         distance, against = std, 0.0
         while known[min(known) if way < 0.0 else max(known)] < FAR:
-            point = fit.at.z.copy()
+            point = fit.evaluation.z.copy()
             point[index] = np.clip(z + way * distance, coordinate.low, coordinate.high)
-            evaluation = fitter.evaluate(fit.found, point, fit.hypothesis)
+            evaluation = fitter.evaluate(fit.parameters, point, fit.hypothesis)
             if evaluation is None or point[index] in known:
                 break
             known[float(point[index])] = max(_least_squares(fitter, fit, evaluation, A) - least, 0.0)
-            usual = [float(prior(fit.found, where)[0][index]) for where in (point, fit.at.z)]
+            usual = [float(prior(fit.parameters, where)[0][index]) for where in (point, fit.evaluation.z)]
             against = known[float(point[index])] - usual[0] ** 2 + usual[1] ** 2
             distance *= 2.0
         by_readings.append(evaluation is None or against > NORMAL_95**2)
@@ -413,9 +415,9 @@ def by_profile(fitter: Fitter, fit: Fit, index: int, std: float) -> list[tuple[f
     return [(min(low, z), by_readings[0]), (max(high, z), by_readings[1])]
 
 
-def _least_squares(fitter: Fitter, fit: Fit, evaluation: Evaluation, basis: Array) -> float:
+def _least_squares(fitter: LeastSquaresProblem, fit: Fit, evaluation: Evaluation, basis: Array) -> float:
     """Squares of readings and priors that the other coordinates' slopes ``(N, k)``, orthonormal, leave."""
-    r = np.concatenate([fitter.whitening.flat(evaluation.residual), prior(fit.found, evaluation.z)[0]])
+    r = np.concatenate([fitter.whitening.flat(evaluation.residual), prior(fit.parameters, evaluation.z)[0]])
     left = r - basis @ (basis.T @ r)
     return float(left @ left)
 
@@ -471,14 +473,14 @@ def _normal(covariance: Array) -> Array:
 
 def _with(fit: Fit, own: Sequence[int], z: Array, index: int, force: float) -> dict[str, float]:
     """What is reported with some coordinates ``own`` at ``z`` instead."""
-    point = fit.at.z.copy()
+    point = fit.evaluation.z.copy()
     point[list(own)] = z
     return _reported(fit, point, index, force)
 
 
 def _reported(fit: Fit, z: Array, index: int, force: float) -> dict[str, float]:
     effect = fit.hypothesis[index]
-    values = values_of(fit.found, z, fit.hypothesis)[index]
+    values = values_of(fit.parameters, z, fit.hypothesis)[index]
     key = release_key(effect)
     if key is None:
         said = effect.reported(values, force)
@@ -495,33 +497,33 @@ def _named(fit: Fit, index: int, name: str) -> str:
     return f"{effect.cause}.{effect.part}.{name}" if inside else f"{effect.cause}.{name}"
 
 
-def _beyond_bounds(fitter: Fitter, fit: Fit) -> Array:
+def _beyond_bounds(fitter: LeastSquaresProblem, fit: Fit) -> Array:
     """How far ``(n_z,)`` the coordinates would go if those that press against bounds had none."""
     pressure = fitter.pressure(fit)
-    low = np.array([c.low for c in fit.found])
-    return _inverse(fitter, fit) @ np.where(fit.at.z <= low, -pressure, pressure)
+    low = np.array([c.low for c in fit.parameters])
+    return _inverse(fitter, fit) @ np.where(fit.evaluation.z <= low, -pressure, pressure)
 
 
-def _inverse(fitter: Fitter, fit: Fit) -> Array:
-    return inverse(fitter.normal(fit), uncertain(fit.found))
+def _inverse(fitter: LeastSquaresProblem, fit: Fit) -> Array:
+    return inverse(fitter.normal(fit), uncertain(fit.parameters))
 
 
-def covariance_of(fitter: Fitter, fit: Fit) -> Array:
+def covariance_of(fitter: LeastSquaresProblem, fit: Fit) -> Array:
     """Of a fit's z ``(n_z, n_z)``, widened where it leaves more than the noise."""
     covariance = _inverse(fitter, fit)
     rows = int(fitter.whitening.present.sum())
-    inflation = max(1.0, fitter.squares(fit.found, fit.at) / max(rows - fit.free, 1))
+    inflation = max(1.0, fitter.squares(fit.parameters, fit.evaluation) / max(rows - fit.free, 1))
     return covariance * inflation
 
 
-def nuisance_estimates(fitter: Fitter, fit: Fit) -> dict[str, ValueRow]:
+def nuisance_estimates(fitter: LeastSquaresProblem, fit: Fit) -> dict[str, ValueRow]:
     """The nuisances of a fit."""
     covariance = covariance_of(fitter, fit)
     result = {}
-    for i, c in enumerate(fit.found):
+    for i, c in enumerate(fit.parameters):
         if c.kind == "effect" or c.sigma == 0.0:
             continue
-        z = float(fit.at.z[i])
+        z = float(fit.evaluation.z[i])
         value, std = c.value(z), c.slope(z) * float(np.sqrt(covariance[i, i]))
         ends = [value - NORMAL_95 * std, value + NORMAL_95 * std]
         result[c.name] = ValueRow(value=value, std=std, interval95=ends)

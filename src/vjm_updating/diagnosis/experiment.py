@@ -20,10 +20,10 @@ from vjm.rotations import Array
 from vjm_updating.constants import numerical
 from vjm_updating.diagnosis.document import ExperimentRow
 from vjm_updating.experiment.data_file import WRENCH
-from vjm_updating.inference.fitting import Fit, Fitter
+from vjm_updating.inference.fitting import Fit, LeastSquaresProblem
 from vjm_updating.inference.forward import Forward
 from vjm_updating.inference.observed import Observed, RampRegression, basis, pieces, planned
-from vjm_updating.inference.parameters import Coordinate
+from vjm_updating.inference.parameters import FitParameter
 
 PER_RAMP = numerical(12)
 """Readings on each way."""
@@ -44,7 +44,7 @@ SHORT_OF, UNKNOWN = numerical(0.8), numerical(0.1)
 """How near a critical displacement a posture may be taken, and how far, mm, where the model does not say."""
 
 
-def propose(fitter: Fitter, fits: Sequence[Fit]) -> ExperimentRow | None:
+def propose(fitter: LeastSquaresProblem, fits: Sequence[Fit]) -> ExperimentRow | None:
     """The candidate that tells hypotheses best from one another; None where none can be computed.
 
     Pairs that it distinguishes for sure count no more than that, and it is repeated as often as the others need.
@@ -53,7 +53,7 @@ def propose(fitter: Fitter, fits: Sequence[Fit]) -> ExperimentRow | None:
     hypotheses apart, and may be the last thing that it does.
     """
     observed = fitter.forward.observed
-    load = float(np.abs(fits[0].at.wrench[:, 0]).max())
+    load = float(np.abs(fits[0].evaluation.prediction[:, 0]).max())
     once: list[tuple[str, str, tuple[float, ...], list[ExperimentRow]]] = []
     for posture in observed.measurement.chain.postures:
         (pull, further_pull), (push, further_push) = (_safe(observed, posture, sign, load) for sign in (1.0, -1.0))
@@ -104,19 +104,24 @@ def _better(proposals: Sequence[ExperimentRow], best: Sequence[ExperimentRow]) -
 
 
 def _told(
-    fitter: Fitter, fits: Sequence[Fit], posture: str, name: str, ends: tuple[float, ...], times: int = 1
+    fitter: LeastSquaresProblem,
+    fits: Sequence[Fit],
+    posture: str,
+    name: str,
+    ends: tuple[float, ...],
+    times: int = 1,
 ) -> list[ExperimentRow]:
     """How well a candidate tells each pair apart; empty where that cannot be computed for one."""
     made = _observed(fitter.forward.observed, posture, ends * times)
-    own = Fitter(Forward(made), fitter.nuisances, fitter.whitening.reading(made))
+    own = LeastSquaresProblem(Forward(made), fitter.nuisances, fitter.whitening.reading(made))
     shown, slopes = [], []
     for fit in fits:
-        evaluation = own.evaluate(fit.found, fit.at.z, fit.hypothesis)
+        evaluation = own.evaluate(fit.parameters, fit.evaluation.z, fit.hypothesis)
         if evaluation is None:
             return []
         shown.append(evaluation)
         # the first one's readings are what others must make up
-        slopes.append(own.slopes(fit.found, evaluation, fit.hypothesis) if len(shown) > 1 else np.zeros(0))
+        slopes.append(own.slopes(fit.parameters, evaluation, fit.hypothesis) if len(shown) > 1 else np.zeros(0))
     to = max(ends) if max(ends) > 0.0 else min(ends)
     path = f"{name} to {to:.4g} mm, out, held and back" + (f", {times} times" if times > 1 else "")
     proposals = []
@@ -124,7 +129,7 @@ def _told(
         own.weigh(shown[i])
         # residuals against zero readings: prediction with the sign turned
         raw = shown[j].residual - shown[i].residual
-        strength, left = left_over(own, raw, slopes[j], fitter.normal(fits[j]), fits[j].found)
+        strength, left = left_over(own, raw, slopes[j], fitter.normal(fits[j]), fits[j].parameters)
         forces = np.where(made.present, np.abs(left), 0.0) * np.repeat([1.0, 1e-2], 3)
         k = int(np.argmax(forces.max(axis=0)))
         largest = float(np.abs(left[:, k]).max())
@@ -135,7 +140,7 @@ def _told(
 
 
 def left_over(
-    own: Fitter, raw: Array, J: Array, known: Array, unknowns: Sequence[Coordinate]
+    own: LeastSquaresProblem, raw: Array, J: Array, known: Array, unknowns: Sequence[FitParameter]
 ) -> tuple[float, Array]:
     """Strength of a difference ``(n, 6)``, and the rest of it, that a hypothesis cannot make up.
 
@@ -160,7 +165,7 @@ def _safe(observed: Observed, posture: str, sign: float, load: float) -> tuple[f
 
     Short of where the nominal model turns critical, or as far as it was taken before.
     """
-    own = [sign * observed.pose[r.index, 0] for r in observed.rays if r.posture == posture]
+    own = [sign * observed.imposed[r.index, 0] for r in observed.rays if r.posture == posture]
     taken = max((float(u.max()) for u in own), default=0.0)
     try:
         measurement = observed.measurement

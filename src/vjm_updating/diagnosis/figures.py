@@ -102,8 +102,8 @@ class Before:
 def nominal(prepared: Prepared) -> Before:
     """The nominal model's residuals."""
     fitter, null = prepared.fitter, prepared.null
-    evaluation = fitter.evaluate(null.found, np.zeros(len(null.found)), ())
-    return Before(None if evaluation is None else evaluation.residual, null.at.residual)
+    evaluation = fitter.evaluate(null.parameters, np.zeros(len(null.parameters)), ())
+    return Before(None if evaluation is None else evaluation.residual, null.evaluation.residual)
 
 
 def pictures(prepared: Prepared, fit: Fit, document: Diagnosis, before: Before) -> list[Picture]:
@@ -149,7 +149,7 @@ def panels_of(observed: Observed) -> list[Panel]:
 def _read(observed: Observed, driven: str, on: np.ndarray) -> int:
     """The channel that is drawn of readings: the driven one, else the first read; of displacements the clearest."""
     if observed.columns != WRENCH:
-        size = np.nanmax(np.abs(observed.wrench[on]), axis=0, initial=0.0) / observed.noise.wrench
+        size = np.nanmax(np.abs(observed.measured[on]), axis=0, initial=0.0) / observed.noise.wrench
         return int(np.argmax(np.nan_to_num(size)))
     own, present = observed.slots[driven], observed.present[on]
     return own if present[:, own].any() else int(np.argmax(present.any(axis=0)))
@@ -175,11 +175,11 @@ def _curves(prepared: Prepared, fit: Fit, before: Before) -> Picture:
         for panel, title, ax in zip(panels, _titles(panels), axes, strict=False):
             c, on, u = panel.read, panel.on, observed.readings.values[panel.driven]
             order = np.argsort(u[on], kind="stable")
-            read = observed.wrench[on, c]
+            read = observed.measured[on, c]
             drawn = (read - before.shown[on, c])[order]
             ax.plot(u[on][order], drawn, color=BEFORE, lw=1.3, label="nominal model", zorder=2)
             if fit.hypothesis:
-                after = read - fit.at.residual[on, c]
+                after = read - fit.evaluation.residual[on, c]
                 ax.plot(u[on], after, color=AFTER, lw=1.3, label="extended model", zorder=2.5)
             ax.plot(u[on], read, ".", color=INK, ms=3.5, label="measured", zorder=3)
             ax.set(title=title, xlabel=axis_title(panel.driven), ylabel=axis_title(observed.columns[c]))
@@ -201,7 +201,7 @@ def _residuals(prepared: Prepared, fit: Fit, before: Before) -> Picture:
     if before.drawn is not None:
         shown.insert(0, (before.drawn, BEFORE, "as drawn"))
     if fit.hypothesis:
-        shown.append((fit.at.residual, AFTER, "extended"))
+        shown.append((fit.evaluation.residual, AFTER, "extended"))
     n = len(shown)
     alike = len({panel.driven for panel in drawn}) == 1
     margins = Margins() if alike else Margins(between=0.72)

@@ -17,7 +17,7 @@ from vjm_updating.constants import numerical
 from vjm_updating.diagnosis.document import FoldRow, GainRow
 from vjm_updating.experiment.data_file import WRENCH
 from vjm_updating.inference.bounded_normal import inverse
-from vjm_updating.inference.fitting import Fit, Fitter, best_fit
+from vjm_updating.inference.fitting import Fit, LeastSquaresProblem, best_fit
 from vjm_updating.inference.model_error import driven_place
 from vjm_updating.inference.observed import Observed
 from vjm_updating.inference.parameters import uncertain
@@ -72,12 +72,12 @@ def split_of(observed: Observed) -> Split:
 def split_of_marks(observed: Observed) -> Split:
     """A column's marks, every third one in turn; beyond the first and the last nothing predicts them."""
     inner = np.flatnonzero(observed.present[:, 0])[1:-1]
-    fold = np.full(len(observed.pose), -1)
+    fold = np.full(len(observed.imposed), -1)
     fold[inner] = np.arange(len(inner)) % THIRD
     return Split("marks", fold, block=1, draws=MARKS_DRAWS)
 
 
-def hold_out(fitter: Fitter, null: Fit, split: Split) -> HoldOut:
+def hold_out(fitter: LeastSquaresProblem, null: Fit, split: Split) -> HoldOut:
     """What fits gain over the sheet's tolerances alone, on readings held out."""
     before = held_out_residual(fitter, null, split)
 
@@ -88,13 +88,13 @@ def hold_out(fitter: Fitter, null: Fit, split: Split) -> HoldOut:
     return gained
 
 
-def _without(fitter: Fitter, own: np.ndarray) -> Fitter:
+def _without(fitter: LeastSquaresProblem, own: np.ndarray) -> LeastSquaresProblem:
     observed = fitter.forward.observed
     kept = observed.without(observed.present & own[:, None])
-    return Fitter(fitter.forward.reading(kept), fitter.nuisances, fitter.whitening.reading(kept))
+    return LeastSquaresProblem(fitter.forward.reading(kept), fitter.nuisances, fitter.whitening.reading(kept))
 
 
-def held_out_residual(fitter: Fitter, fit: Fit, split: Split, otherwise: Array | None = None) -> Array:
+def held_out_residual(fitter: LeastSquaresProblem, fit: Fit, split: Split, otherwise: Array | None = None) -> Array:
     """Raw residual ``(n, 6)`` of each reading under a refit without its part.
 
     Where a refit finds no machine that stands, ``otherwise`` (n, 6) counts, by default the nominal one's.
@@ -102,34 +102,40 @@ def held_out_residual(fitter: Fitter, fit: Fit, split: Split, otherwise: Array |
     m = len(fitter.nuisances)
     if otherwise is None:
         drawn = fitter.evaluate(fitter.nuisances, np.zeros(m), ())
-        otherwise = fit.at.residual if drawn is None else drawn.residual
+        otherwise = fit.evaluation.residual if drawn is None else drawn.residual
     result = otherwise.copy()
     for own in split.parts():
         # begun with the fit's slopes by the machine's nuisances, which are made anew where they lead astray
         less, near = _without(fitter, own), fitter.machine_slopes(fit)
-        refitted = best_fit(less, fit.hypothesis, fit.at.z[:m], fit.values, borrowed=near)
-        evaluation = None if refitted is None else fitter.evaluate(refitted.found, refitted.at.z, fit.hypothesis)
+        refitted = best_fit(less, fit.hypothesis, fit.evaluation.z[:m], fit.values, borrowed=near)
+        evaluation = (
+            None
+            if refitted is None
+            else fitter.evaluate(refitted.parameters, refitted.evaluation.z, fit.hypothesis)
+        )
         if evaluation is not None:
             result[own] = evaluation.residual[own]
     return np.where(fitter.whitening.present, result, 0.0)
 
 
-def unsure(fitter: Fitter, fit: Fit, split: Split) -> Array:
+def unsure(fitter: LeastSquaresProblem, fit: Fit, split: Split) -> Array:
     """Standard deviation ``(n, 6)`` of each reading's prediction by a right model fitted without its part.
 
     What the rest leaves open of the parameters, the sheet's tolerances among them, to first order. No model can be
     expected to predict better than this and the reading's own noise.
     """
-    steep = fitter.slopes(fit.found, fit.at, fit.hypothesis)
-    result = np.zeros_like(fit.at.residual)
+    steep = fitter.slopes(fit.parameters, fit.evaluation, fit.hypothesis)
+    result = np.zeros_like(fit.evaluation.residual)
     for own in split.parts():
         A = _without(fitter, own).normal(replace(fit, jacobian=steep))
-        C, J = inverse(A, uncertain(fit.found)), steep[own]
+        C, J = inverse(A, uncertain(fit.parameters)), steep[own]
         result[own] = np.sqrt(np.maximum(np.einsum("nij,jk,nik->ni", J, C, J), 0.0))
     return result
 
 
-def _gain(fitter: Fitter, fit: Fit, split: Split, before: Array, after: Array, open_: Array) -> GainRow:
+def _gain(
+    fitter: LeastSquaresProblem, fit: Fit, split: Split, before: Array, after: Array, open_: Array
+) -> GainRow:
     """The gain of a fit, as a whole and part by part.
 
     Residuals held out are ``before`` (n, 6) those of the sheet's tolerances alone, ``after`` those of the fit,
@@ -140,7 +146,7 @@ def _gain(fitter: Fitter, fit: Fit, split: Split, before: Array, after: Array, o
     held = split.fold >= 0
     on = fitter.whitening.present[held][:, own]
     # a reading's own noise, and its displacement's
-    K = fit.at.stiffness[held]
+    K = fit.evaluation.stiffness[held]
     sigma = np.sqrt(np.einsum("nij,j->ni", K**2, observed.noise.pose**2) + observed.noise.wrench**2)[:, own]
     errors = [np.where(on, e[held][:, own], 0.0) for e in (before, after)]
     rmse, relative = ([_rms(e, on) for e in some] for some in (errors, [e / sigma for e in errors]))
@@ -149,7 +155,7 @@ def _gain(fitter: Fitter, fit: Fit, split: Split, before: Array, after: Array, o
     picks = np.random.default_rng(SEED).integers(0, sums.shape[1], (split.draws, sums.shape[1]))
     drawn = sums[:, picks].sum(axis=2)
     fall = np.sqrt(drawn[0] / np.maximum(drawn[2], 1)) - np.sqrt(drawn[1] / np.maximum(drawn[2], 1))
-    read = np.where(on, np.nan_to_num(observed.wrench[held][:, own]), 0.0)
+    read = np.where(on, np.nan_to_num(observed.measured[held][:, own]), 0.0)
     return GainRow(
         rmse_before=rmse[0],
         rmse_after=rmse[1],
@@ -187,7 +193,7 @@ def _name(observed: Observed, split: Split, part: np.ndarray) -> str:
     if split.name == "directions":
         if observed.columns != WRENCH:
             return "one way" if split.fold[first] == 0 else "the other way"
-        return "compression" if observed.pose[first, 0] < 0.0 else "tension"
+        return "compression" if observed.imposed[first, 0] < 0.0 else "tension"
     if split.name == "cycles":
         return f"cycle {observed.readings.run[first]}"
     return "marks " + ", ".join(str(int(k) + 1) for k in own[:3]) + (", …" if len(own) > 3 else "")

@@ -17,7 +17,7 @@ from vjm_updating.diagnosis.column import (
     with_noise_found,
 )
 from vjm_updating.diagnosis.document import CriticalPointRow, ExperimentRow, ValueRow
-from vjm_updating.diagnosis.evidence import Costs, Ranked, estimates
+from vjm_updating.diagnosis.evidence import Costs, ScoredModel, estimates
 from vjm_updating.diagnosis.holdout import HoldOut, hold_out, split_of_marks
 from vjm_updating.diagnosis.ramp_kind import RampTest, instrument_effects, scene_of
 from vjm_updating.diagnosis.search import RIVAL, Search
@@ -25,7 +25,7 @@ from vjm_updating.diagnosis.verdict import Verdict
 from vjm_updating.experiment import Measurement
 from vjm_updating.experiment.comparison import gauges_of, levers_of, one_sided
 from vjm_updating.experiment.data_file import WRENCH, unit_of
-from vjm_updating.inference.fitting import Fit, Fitter, best_fit, prior
+from vjm_updating.inference.fitting import Fit, LeastSquaresProblem, best_fit, prior
 from vjm_updating.inference.forward import values_of
 from vjm_updating.inference.instruments import LEVER
 from vjm_updating.inference.joint_forward import (
@@ -52,7 +52,7 @@ from vjm_updating.mechanisms.loads import Gravity
 # causes leave would else count as noise, and hide the next one.
 
 
-def _with(search: Search, base: Ranked, effect: Effect) -> None:
+def _with(search: Search, base: ScoredModel, effect: Effect) -> None:
     """Fit a hypothesis with one cause more."""
     fitter, fit = search.fitter, base.fit
     m = len(fitter.nuisances)
@@ -60,7 +60,7 @@ def _with(search: Search, base: Ranked, effect: Effect) -> None:
     attempts = [
         best_fit(fitter, hypothesis, begin, [*fit.values, list(trial)])
         for trial in effect.trials()
-        for begin in (fit.at.z[:m], np.zeros(m))
+        for begin in (fit.evaluation.z[:m], np.zeros(m))
     ]
     fits = [one for one in attempts if one is not None]
     if fits:
@@ -68,11 +68,11 @@ def _with(search: Search, base: Ranked, effect: Effect) -> None:
         search.tried[ranked.labels] = ranked
 
 
-def _worth(search: Search, ranked: Ranked) -> float:
+def _worth(search: Search, ranked: ScoredModel) -> float:
     """The criterion with the noise that the hypothesis leaves in the place of that in force."""
     fit = ranked.fit
     likelihood, _ = noise_found(search.fitter.forward.observed, fit)
-    off, _ = prior(fit.found, fit.at.z)
+    off, _ = prior(fit.parameters, fit.evaluation.z)
     return likelihood + float(off @ off) + ranked.criterion - fit.objective
 
 
@@ -163,11 +163,11 @@ class ColumnTest(RampTest):
         """All: there are few marks, and each was set by hand."""
         return observed
 
-    def reweighted(self, fitter: Fitter, everything: Observed, best: Fit) -> Observed | None:
+    def reweighted(self, fitter: LeastSquaresProblem, everything: Observed, best: Fit) -> Observed | None:
         """With the noise of mark and load as the fit's residuals have it."""
         return with_noise_found(everything, best)
 
-    def completed(self, search: Search, best: Ranked) -> Ranked:
+    def completed(self, search: Search, best: ScoredModel) -> ScoredModel:
         """With further causes, as long as each pays with the noise that it leaves.
 
         Those that then are as likely are refitted with that noise and make the search's hypotheses.
@@ -186,30 +186,30 @@ class ColumnTest(RampTest):
             best = top
         near = [r for r in search.tried.values() if r.labels and _worth(search, r) < _worth(search, best) + RIVAL]
         fitter.forward.observed = with_noise_found(fitter.forward.observed, best.fit)
-        fitter.weigh(best.fit.at)
+        fitter.weigh(best.fit.evaluation)
         m = len(fitter.nuisances)
-        search.null = best_fit(fitter, (), search.null.at.z[:m], []) or search.null
-        again = [best_fit(fitter, r.fit.hypothesis, r.fit.at.z[:m], r.fit.values) for r in near]
+        search.null = best_fit(fitter, (), search.null.evaluation.z[:m], []) or search.null
+        again = [best_fit(fitter, r.fit.hypothesis, r.fit.evaluation.z[:m], r.fit.values) for r in near]
         hypotheses = [search.ranked(fit) for fit in (search.null, *again) if fit is not None]
         search.tried = {r.labels: r for r in hypotheses}
         return min((r for r in hypotheses if r.labels), key=lambda r: r.criterion)
 
-    def hold_out(self, fitter: Fitter, null: Fit) -> HoldOut:
+    def hold_out(self, fitter: LeastSquaresProblem, null: Fit) -> HoldOut:
         """Every third mark in turn."""
         return hold_out(fitter, null, split_of_marks(fitter.forward.observed))
 
-    def critical_points(self, fitter: Fitter, null: Fit, fit: Fit) -> list[CriticalPointRow]:
+    def critical_points(self, fitter: LeastSquaresProblem, null: Fit, fit: Fit) -> list[CriticalPointRow]:
         """The column's largest load, where the readings fall again behind it."""
         forward = ColumnForward(fitter.forward.observed)
         observed = forward.observed
         on = observed.present[:, 0]
-        read = -observed.wrench[on, 0]
-        predicted = read + fit.at.residual[on, 0]
+        read = -observed.measured[on, 0]
+        predicted = read + fit.evaluation.residual[on, 0]
         tops = [int(np.argmax(load)) for load in (read, predicted)]
         turned = [top < len(read) - 2 for top in tops]
         euler = float(forward.evaluate_nominal(np.zeros(1))[0])
         largest = float(predicted[tops[1]]) if turned[1] else None
-        onset = forward.first_yield(fit.found, fit.at.z, fit.hypothesis, handbook=True)
+        onset = forward.first_yield(fit.parameters, fit.evaluation.z, fit.hypothesis, handbook=True)
         return [
             CriticalPointRow(
                 posture=str(observed.readings.posture[0]),
@@ -227,11 +227,13 @@ class ColumnTest(RampTest):
             )
         ]
 
-    def parameters(self, fitter: Fitter, fit: Fit, values: Mapping[str, ValueRow]) -> dict[str, ValueRow | str]:
+    def parameters(
+        self, fitter: LeastSquaresProblem, fit: Fit, values: Mapping[str, ValueRow]
+    ) -> dict[str, ValueRow | str]:
         """Where the column begins to yield, and from where on that shows."""
         result: dict[str, ValueRow | str] = {}
         forward = ColumnForward(fitter.forward.observed)
-        onset = forward.first_yield(fit.found, fit.at.z, fit.hypothesis)
+        onset = forward.first_yield(fit.parameters, fit.evaluation.z, fit.hypothesis)
         if onset is not None:
             stress = values["plasticity.yield_stress_MPa"]
             std = abs(onset[0]) * stress.std / stress.value
@@ -254,11 +256,11 @@ class ColumnTest(RampTest):
             "of the curve no cause explains"
         )
 
-    def next_experiment(self, fitter: Fitter, verdict: Verdict) -> ExperimentRow:
+    def next_experiment(self, fitter: LeastSquaresProblem, verdict: Verdict) -> ExperimentRow:
         """Of the direct measurements the one that would show most, of a cause that not all members have."""
         observed = fitter.forward.observed
         common = frozenset.intersection(*(member.causes for member in verdict.members))
-        load, posture = float(np.nanmax(np.abs(observed.wrench[:, 0]))), str(observed.readings.posture[0])
+        load, posture = float(np.nanmax(np.abs(observed.measured[:, 0]))), str(observed.readings.posture[0])
         ways = [
             way
             for member in verdict.members
@@ -300,12 +302,12 @@ class JointTest(RampTest):
     def effects(self, observed: Observed, more: Sequence[Maker] = ()) -> list[Effect]:
         """The joint's own, and the instruments'; effects of a file are made for chains and are not taken."""
         motion = next(iter(observed.slots))
-        largest = {unit_of(motion): float(np.abs(observed.pose[:, 0]).max())}
-        largest[unit_of(observed.columns[0])] = float(np.nanmax(np.abs(observed.wrench)))
+        largest = {unit_of(motion): float(np.abs(observed.imposed[:, 0]).max())}
+        largest[unit_of(observed.columns[0])] = float(np.nanmax(np.abs(observed.measured)))
         duration = 0.0 if observed.clock is None else float(np.ptp(observed.clock))
         return [*joint_effects(observed), *instrument_effects(observed, duration, largest)]
 
-    def completed(self, search: Search, best: Ranked) -> Ranked:
+    def completed(self, search: Search, best: ScoredModel) -> ScoredModel:
         """What leaves more than noise is completed by all of the joint's own causes, less those that do not pay.
 
         Four may act together, and any three of them leave what the fourth does. The spring is of one law at a time.
@@ -336,16 +338,18 @@ class JointTest(RampTest):
                 best = candidate
         return best
 
-    def parameters(self, fitter: Fitter, fit: Fit, values: Mapping[str, ValueRow]) -> dict[str, ValueRow | str]:
+    def parameters(
+        self, fitter: LeastSquaresProblem, fit: Fit, values: Mapping[str, ValueRow]
+    ) -> dict[str, ValueRow | str]:
         """Of a gear whose second kink no reading reached, that it was not."""
         observed = fitter.forward.observed
         return dict.fromkeys(not_reached(observed, values), "not reached by the test")
 
-    def critical_points(self, fitter: Fitter, null: Fit, fit: Fit) -> list[CriticalPointRow]:
+    def critical_points(self, fitter: LeastSquaresProblem, null: Fit, fit: Fit) -> list[CriticalPointRow]:
         """A joint has none."""
         return []
 
-    def next_experiment(self, fitter: Fitter, verdict: Verdict) -> ExperimentRow:
+    def next_experiment(self, fitter: LeastSquaresProblem, verdict: Verdict) -> ExperimentRow:
         """Of the load's scale the cell itself tells; of the rest both directions and larger loads."""
         observed = fitter.forward.observed
         causes = {cause for member in verdict.members for cause in member.causes}
@@ -359,14 +363,14 @@ class JointTest(RampTest):
         return ExperimentRow(why=why, posture=observed.measurement.drive.name, path=path)
 
 
-def together(fitter: Fitter, null: Fit, effects: Sequence[Effect]) -> Fit | None:
+def together(fitter: LeastSquaresProblem, null: Fit, effects: Sequence[Effect]) -> Fit | None:
     """The best fit of causes together, begun where their trials lead in a step; None where none stands."""
     m, hypothesis = len(fitter.nuisances), tuple(effects)
     unknowns = coordinates(fitter.nuisances, hypothesis)
     trials = [list(effect.trials()) for effect in effects]
     ways = []
     for k in range(max(map(len, trials), default=0)):
-        z = start(unknowns, hypothesis, null.at.z[:m], [own[k % len(own)] for own in trials])
+        z = start(unknowns, hypothesis, null.evaluation.z[:m], [own[k % len(own)] for own in trials])
         ways.append(after_a_step(fitter, hypothesis, unknowns, z))
     fits = [
         best_fit(fitter, hypothesis, z[:m], values_of(unknowns, z, hypothesis))
@@ -380,12 +384,12 @@ def not_reached(observed: Observed, values: Mapping[str, ValueRow]) -> list[str]
     own = f"{JointThreeSlopes.cause}."
     names = {number: [n for n in values if n.startswith(f"{own}{number}_")] for number in ("T2", "K3")}
     lever, _, of_load = levers_of(observed.measurement)
-    largest = float(np.nanmax(np.abs(observed.wrench))) / of_load * lever
+    largest = float(np.nanmax(np.abs(observed.measured))) / of_load * lever
     beyond = any(values[name].value >= largest for name in names["T2"])
     return [*names["T2"], *names["K3"]] if beyond else []
 
 
-def without(search: Search, ranked: Ranked, effect: Effect) -> list[Ranked]:
+def without(search: Search, ranked: ScoredModel, effect: Effect) -> list[ScoredModel]:
     """Hypotheses with one cause less, which the search then knows, and with a linear spring in place of another."""
     fit, m = ranked.fit, len(search.fitter.nuisances)
     kept = [(e, v) for e, v in zip(fit.hypothesis, fit.values, strict=True) if e != effect]
@@ -393,7 +397,9 @@ def without(search: Search, ranked: Ranked, effect: Effect) -> list[Ranked]:
     if isinstance(effect, JointHardening | JointThreeSlopes):
         linear = [e for e in search.effects if isinstance(e, JointCompliance)]
         ways += [[*kept, (e, list(e.trials()[0]))] for e in linear]
-    fits = (best_fit(search.fitter, tuple(e for e, _ in way), fit.at.z[:m], [v for _, v in way]) for way in ways)
+    fits = (
+        best_fit(search.fitter, tuple(e for e, _ in way), fit.evaluation.z[:m], [v for _, v in way]) for way in ways
+    )
     return [search.kept(one) for one in fits if one is not None]
 
 
@@ -402,8 +408,8 @@ def joint_effects(observed: Observed) -> list[Effect]:
     joint = observed.measurement.drive
     lever, of_motion, of_load = levers_of(observed.measurement)
     compliance = observed.measurement.joint_compliance
-    force = float(np.nanmax(np.abs(observed.wrench))) / of_load
-    reach = float(np.abs(observed.pose[:, 0]).max()) * of_motion / lever
+    force = float(np.nanmax(np.abs(observed.measured))) / of_load
+    reach = float(np.abs(observed.imposed[:, 0]).max()) * of_motion / lever
     own = drive_of(joint.name, slides=joint.slides, compliance=compliance, lever=lever, force=force)
     backlash = [] if one_sided(observed.measurement) else [ActuatorBacklash(force, joint.name, own)]
     return [
@@ -436,10 +442,10 @@ class LoadTest(RampTest):
         weight is where the whole pose was read, which counts from the unloaded one; gauges are set when it has
         acted.
         """
-        size = {"N": np.abs(observed.pose[:, :3]).max(), "Nmm": np.abs(observed.pose[:, 3:]).max()}
+        size = {"N": np.abs(observed.imposed[:, :3]).max(), "Nmm": np.abs(observed.imposed[:, 3:]).max()}
         for unit in ("mm", "rad"):
             own = [c for c, name in enumerate(observed.columns) if unit_of(name) == unit]
-            size[unit] = np.nanmax(np.abs(observed.wrench[:, own]), initial=0.0)
+            size[unit] = np.nanmax(np.abs(observed.measured[:, own]), initial=0.0)
         length = observed.measurement.chain.characteristic_length
         # where only moments act, their force at the longest part's end
         force = max(float(size["N"]), float(size["Nmm"]) / length, 1.0)
@@ -462,11 +468,11 @@ class LoadTest(RampTest):
         ]
         return [*effects, *instrument_effects(observed, scene.duration, largest)]
 
-    def critical_points(self, fitter: Fitter, null: Fit, fit: Fit) -> list[CriticalPointRow]:
+    def critical_points(self, fitter: LeastSquaresProblem, null: Fit, fit: Fit) -> list[CriticalPointRow]:
         """None: nothing was loaded beyond its stability."""
         return []
 
-    def next_experiment(self, fitter: Fitter, verdict: Verdict) -> ExperimentRow:
+    def next_experiment(self, fitter: LeastSquaresProblem, verdict: Verdict) -> ExperimentRow:
         """More gauges: candidates differ in what moves where."""
         observed = fitter.forward.observed
         return ExperimentRow(

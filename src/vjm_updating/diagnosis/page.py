@@ -40,7 +40,7 @@ def _channels(prepared: Prepared, fit: Fit, before: Before) -> list[dict[str, ob
             "noise": float(observed.measurement.sheet.sigma(name).noise),
             "drawn": None if before.drawn is None else rms(before.drawn, c),
             "best": rms(before.best, c),
-            "after": rms(fit.at.residual, c),
+            "after": rms(fit.evaluation.residual, c),
         }
         for c, name in enumerate(observed.columns)
         if observed.present[:, c].any()

@@ -12,8 +12,8 @@ from vjm.io.errors import did_you_mean
 from vjm.rotations import Array
 from vjm_updating.constants import numerical
 from vjm_updating.diagnosis.kinds import kind_of
-from vjm_updating.diagnosis.screening import STRONG, Signed, signed
-from vjm_updating.inference.fitting import Fit, Fitter, best_fit, weighed, whitening_of
+from vjm_updating.diagnosis.screening import STRONG, SignatureSet, signed
+from vjm_updating.inference.fitting import Fit, LeastSquaresProblem, best_fit, weighed, whitening_of
 from vjm_updating.inference.observed import Observed
 from vjm_updating.inference.parameters import coordinates, nuisance_coordinates
 from vjm_updating.inference.refit import choose_branches, leave_out, refit, standing_out, update_autocorrelation
@@ -36,11 +36,11 @@ class Prepared:
         signed: what each effect does to the readings about a null.
     """
 
-    fitter: Fitter
+    fitter: LeastSquaresProblem
     null: Fit
     effects: tuple[Effect, ...]
     all: Observed
-    signed: Signed
+    signed: SignatureSet
 
 
 def prepare(
@@ -60,15 +60,15 @@ def prepare(
     unknowns = coordinates(nuisances, ())
     zero = np.zeros(len(unknowns))
     evaluation = forward.evaluate(unknowns, zero, ())
-    fitter = Fitter(forward, nuisances, whitening_of(observed, evaluation))
+    fitter = LeastSquaresProblem(forward, nuisances, whitening_of(observed, evaluation))
     flagged = standing_out(observed, evaluation.residual, fitter.whitening.factors)
     leave_out(fitter, kind.without_outliers, observed, flagged, evaluation)
     null = _fitted(fitter)
     null = choose_branches(fitter, null)
     effects = possible(kind.effects(forward.observed, more), only, without)
     known = signed(fitter, null, effects)
-    update_autocorrelation(fitter, null, [s.change for s in known.found if s.change is not None])
-    null = _fitted(fitter, null.at.z, *_beside_kinks(fitter))
+    update_autocorrelation(fitter, null, [s.change for s in known.signatures if s.change is not None])
+    null = _fitted(fitter, null.evaluation.z, *_beside_kinks(fitter))
     return Prepared(fitter, null, effects, observed, known)
 
 
@@ -105,16 +105,19 @@ def refresh(prepared: Prepared, best: Fit) -> Prepared | None:
     close = float(change) < SAME_AUTOCORRELATION
     # near a critical point the stiffness, and what the gauge's noise makes of forces, may be another altogether
     squares, own = (
-        float(np.sum(w.flat(best.at.residual) ** 2)) for w in (whitening, weighed(whitening, readings, best.at))
+        float(np.sum(w.flat(best.evaluation.residual) ** 2))
+        for w in (whitening, weighed(whitening, readings, best.evaluation))
     )
     alike = abs(own - squares) < SAME_NOISE * squares
     if same and close and alike and prepared.null.objective - best.objective < STRONG:
         fitter.forward.observed, fitter.whitening, fitter.forward.branches = readings, whitening, branches
         return None
-    return replace(prepared, null=_fitted(fitter, prepared.null.at.z, *_beside_kinks(fitter)), all=everything)
+    return replace(
+        prepared, null=_fitted(fitter, prepared.null.evaluation.z, *_beside_kinks(fitter)), all=everything
+    )
 
 
-def _fitted(fitter: Fitter, *near: Array) -> Fit:
+def _fitted(fitter: LeastSquaresProblem, *near: Array) -> Fit:
     """The sheet's tolerances alone: the best from nuisances ``(m,)`` near by, from nominal where there are none.
 
     Where readings lie on both sides of a bifurcation there are several minima: nominal is tried besides.
@@ -130,15 +133,15 @@ def _fitted(fitter: Fitter, *near: Array) -> Fit:
     for start in near:
         other = best_fit(fitter, (), start, [], borrowed=fitter.machine_slopes(null))
         if other is not None and other.objective < null.objective - 0.5:
-            null = best_fit(fitter, (), other.at.z, []) or other
+            null = best_fit(fitter, (), other.evaluation.z, []) or other
     return null
 
 
-def _beside_kinks(fitter: Fitter) -> list[Array]:
+def _beside_kinks(fitter: LeastSquaresProblem) -> list[Array]:
     """Nuisances ``(m,)`` to begin from where a critical point may move over readings: there are several minima."""
     forward = fitter.forward
     for ray in forward.observed.rays:
-        s = forward.observed.pose[ray.index] @ ray.measure
+        s = forward.observed.imposed[ray.index] @ ray.measure
         if any(forward.branched(ray, sign, float((sign * s).max())) for sign in (1, -1)):
             return [sign * np.eye(len(fitter.nuisances))[i] for i in fitter.of_machine for sign in (1.0, -1.0)]
     return []

@@ -23,7 +23,7 @@ from vjm.rotations import Array
 from vjm_updating.calibration.calibrated_model import extended_chain
 from vjm_updating.constants import numerical, prior_scale, shown
 from vjm_updating.diagnosis.document import CriticalPointRow, ExperimentRow, ValueRow
-from vjm_updating.diagnosis.evidence import Costs, Ranked
+from vjm_updating.diagnosis.evidence import Costs, ScoredModel
 from vjm_updating.diagnosis.experiment import propose
 from vjm_updating.diagnosis.holdout import HoldOut, hold_out, split_of
 from vjm_updating.diagnosis.screening import far_off
@@ -33,12 +33,12 @@ from vjm_updating.diagnosis.verdict import Verdict
 from vjm_updating.experiment import Measurement
 from vjm_updating.experiment.comparison import Ray
 from vjm_updating.experiment.data_file import TIME, WRENCH, unit_of
-from vjm_updating.inference.fitting import Fit, Fitter
+from vjm_updating.inference.fitting import Fit, LeastSquaresProblem
 from vjm_updating.inference.forward import Forward, Predictor, observe_ramps
 from vjm_updating.inference.instruments import LEVER, InstrumentScale, InstrumentZero, ThermalDrift
 from vjm_updating.inference.observed import Observed
 from vjm_updating.mechanisms.catalogue import Maker, catalogue
-from vjm_updating.mechanisms.effect import Effect, Scene
+from vjm_updating.mechanisms.effect import Effect, TestContext
 from vjm_updating.mechanisms.equilibrium_tables import first_force
 from vjm_updating.mechanisms.loads import LoadMisalignment
 from vjm_updating.mechanisms.modified_chain import STANDARD_GRAVITY
@@ -83,19 +83,19 @@ def knee(s: Array, force: Array) -> float | None:
     return best[1]
 
 
-def _half_ray(fitter: Fitter, null: Fit, fit: Fit, ray: Ray, sign: float) -> CriticalPointRow | None:
+def _half_ray(fitter: LeastSquaresProblem, null: Fit, fit: Fit, ray: Ray, sign: float) -> CriticalPointRow | None:
     observed = fitter.forward.observed
     c = int(np.argmax(np.abs(ray.direction[:3])))
-    s = observed.pose[ray.index] @ ray.measure
+    s = observed.imposed[ray.index] @ ray.measure
     on = ray.index[(sign * s > 0.0) & observed.present[ray.index, c]]
     if not len(on) or WRENCH[c] not in observed.wrench_channels:
         return None
-    u = sign * (observed.pose[on] @ ray.measure)
+    u = sign * (observed.imposed[on] @ ray.measure)
     way = sign * float(np.sign(ray.direction[c]))
-    read = way * observed.wrench[on, c]
+    read = way * observed.measured[on, c]
     measured = knee(u, read)
     before, after = (
-        (knee(u, read - way * one.at.residual[on, c]) for one in (null, fit)) if measured else (None, None)
+        (knee(u, read - way * one.evaluation.residual[on, c]) for one in (null, fit)) if measured else (None, None)
     )
     load_case = LoadCase(ray.posture, max(DEFAULT_REACH_MM, FURTHER * float(u.max())), tuple(sign * ray.direction))
     nominal, nominal_force, _ = _point(observed.measurement.engine, observed.measurement.chain, load_case)
@@ -123,9 +123,9 @@ def _words(direction: Array) -> str:
     return "along " + ", ".join(f"{v:.3g}" for v in direction[:3])
 
 
-def _extended(fitter: Fitter, fit: Fit, load_case: LoadCase) -> OwnPoint:
+def _extended(fitter: LeastSquaresProblem, fit: Fit, load_case: LoadCase) -> OwnPoint:
     """Critical point of the extended model, and where its material would yield on the way there."""
-    machine = fitter.forward.machine(fit.found, fit.at.z, fit.hypothesis)
+    machine = fitter.forward.machine(fit.parameters, fit.evaluation.z, fit.hypothesis)
     axis, gravity = np.array([load_case.axis], dtype=float), None
     for effect, values in zip(fit.hypothesis, fit.values, strict=True):
         if isinstance(effect, LoadMisalignment):
@@ -143,7 +143,9 @@ def _extended(fitter: Fitter, fit: Fit, load_case: LoadCase) -> OwnPoint:
     return _point(machine.engine, chain, own, fitter)
 
 
-def _point(engine: VjmEngine, chain: Machine, load_case: LoadCase, fitter: Fitter | None = None) -> OwnPoint:
+def _point(
+    engine: VjmEngine, chain: Machine, load_case: LoadCase, fitter: LeastSquaresProblem | None = None
+) -> OwnPoint:
     """The critical point of a path; with a fitter, whose document knows the material, where that yields."""
     try:
         problem = engine.problem(chain, load_case)
@@ -201,19 +203,19 @@ class RampTest:
         """The readings that count, where samples ``(n, 6)`` stand out: the others."""
         return observed.without(outliers)
 
-    def reweighted(self, fitter: Fitter, everything: Observed, best: Fit) -> Observed | None:
+    def reweighted(self, fitter: LeastSquaresProblem, everything: Observed, best: Fit) -> Observed | None:
         """All readings with the noise that a fit shows, the sheet's; None where it is too far off to show any."""
         return None if far_off(fitter, best) else everything
 
-    def completed(self, search: Search, best: Ranked) -> Ranked:
+    def completed(self, search: Search, best: ScoredModel) -> ScoredModel:
         """The hypothesis that a search ends with, once what it leaves out on purpose was tried: nothing here."""
         return best
 
-    def hold_out(self, fitter: Fitter, null: Fit) -> HoldOut:
+    def hold_out(self, fitter: LeastSquaresProblem, null: Fit) -> HoldOut:
         """Postures one at a time, else directions, cycles or every third reading."""
         return hold_out(fitter, null, split_of(fitter.forward.observed))
 
-    def critical_points(self, fitter: Fitter, null: Fit, fit: Fit) -> list[CriticalPointRow]:
+    def critical_points(self, fitter: LeastSquaresProblem, null: Fit, fit: Fit) -> list[CriticalPointRow]:
         """Critical loads of the half-rays: those with a measured one first, then by the extended model's own."""
         rows: dict[tuple[str, str], CriticalPointRow] = {}
         for ray in fitter.forward.observed.rays:
@@ -231,7 +233,9 @@ class RampTest:
 
         return sorted(rows.values(), key=order)
 
-    def parameters(self, fitter: Fitter, fit: Fit, values: Mapping[str, ValueRow]) -> dict[str, ValueRow | str]:
+    def parameters(
+        self, fitter: LeastSquaresProblem, fit: Fit, values: Mapping[str, ValueRow]
+    ) -> dict[str, ValueRow | str]:
         """What follows from a fit's parameters in a test of this kind: nothing beyond the causes' own."""
         return {}
 
@@ -239,7 +243,7 @@ class RampTest:
         """In words, how far noise that was found exceeds the sheet's; empty: here the sheet's is kept."""
         return ""
 
-    def next_experiment(self, fitter: Fitter, verdict: Verdict) -> ExperimentRow:
+    def next_experiment(self, fitter: LeastSquaresProblem, verdict: Verdict) -> ExperimentRow:
         """Posture, direction, cycles and holds that tell the most probable member from the others."""
         first = verdict.members[0]
         others: dict[frozenset[str], Fit] = {}
@@ -257,19 +261,19 @@ class RampTest:
 
 def ramp_effects(observed: Observed, more: Sequence[Maker] = ()) -> list[Effect]:
     """The catalogue of a ramp test: the machine's effects, and the instruments'."""
-    force = float(np.nanmax(np.linalg.norm(np.nan_to_num(observed.wrench[:, :3]), axis=1)))
+    force = float(np.nanmax(np.linalg.norm(np.nan_to_num(observed.measured[:, :3]), axis=1)))
     gravity = observed.measurement.sheet.test.gravity
     scene = replace(
-        scene_of(observed, max(force, 1.0), float(np.abs(observed.pose[:, :3]).max())),
+        scene_of(observed, max(force, 1.0), float(np.abs(observed.imposed[:, :3]).max())),
         gravity=None if gravity is None else (gravity[0], gravity[1], gravity[2]),
     )
     return [*catalogue(scene, more), *instrument_effects(observed, scene.duration, _largest(observed, scene))]
 
 
-def scene_of(observed: Observed, force: float, reach: float) -> Scene:
+def scene_of(observed: Observed, force: float, reach: float) -> TestContext:
     """A test as its effects take it, without gravity; its largest force in N, and how far it moved, mm."""
     measurement, clock = observed.measurement, observed.clock
-    return Scene(
+    return TestContext(
         chain=measurement.chain,
         engine=measurement.engine,
         force=force,
@@ -300,8 +304,8 @@ def instrument_effects(observed: Observed, duration: float, largest: Mapping[str
     return effects
 
 
-def _largest(observed: Observed, scene: Scene) -> dict[str, float]:
+def _largest(observed: Observed, scene: TestContext) -> dict[str, float]:
     """The largest reading by its unit: what gauges of that kind are made for."""
-    moment = float(np.abs(np.nan_to_num(observed.wrench[:, 3:])).max())
-    turn = float(np.abs(observed.pose[:, 3:]).max())
+    moment = float(np.abs(np.nan_to_num(observed.measured[:, 3:])).max())
+    turn = float(np.abs(observed.imposed[:, 3:]).max())
     return {"N": scene.force, "Nmm": max(moment, LEVER * scene.force), "mm": scene.reach, "rad": turn or np.inf}

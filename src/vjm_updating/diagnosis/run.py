@@ -31,7 +31,7 @@ from vjm_updating.diagnosis.document import (
     Word,
     words,
 )
-from vjm_updating.diagnosis.evidence import Ranked, effective_samples, estimates, joined, nuisance_estimates
+from vjm_updating.diagnosis.evidence import ScoredModel, effective_samples, estimates, joined, nuisance_estimates
 from vjm_updating.diagnosis.kinds import kind_of
 from vjm_updating.diagnosis.preprocess import Prepared, possible, prepare, refresh
 from vjm_updating.diagnosis.ramp_kind import RampTest
@@ -42,13 +42,13 @@ from vjm_updating.experiment import Measurement
 from vjm_updating.experiment.data_file import WRENCH
 from vjm_updating.experiment.mistakes import TITLES, Mistake, corrected, mistakes_of
 from vjm_updating.experiment.plausibility import considered
-from vjm_updating.inference.fitting import Fit, Fitter
+from vjm_updating.inference.fitting import Fit, LeastSquaresProblem
 from vjm_updating.inference.forward import Predictor
 from vjm_updating.inference.model_error import driven_place, loading
 from vjm_updating.inference.observed import Observed
 from vjm_updating.inference.parameters import (
-    Coordinate,
-    EffectCoordinate,
+    EffectParameter,
+    FitParameter,
     Hypothesis,
     coordinates,
     nuisance_coordinates,
@@ -86,27 +86,27 @@ def transfer(fit: Fit, other: Measurement) -> list[TransferRow]:
     ]
 
 
-def _values_there(fit: Fit, chosen: set[int], *, nuisances: bool) -> Callable[[Coordinate], float]:
+def _values_there(fit: Fit, chosen: set[int], *, nuisances: bool) -> Callable[[FitParameter], float]:
     """A coordinate's value: that of the chosen causes and, if so, of the nuisances that no cause has released."""
     freed = {release_key(fit.hypothesis[i]) for i in chosen}
     all_freed = {release_key(effect) for effect in fit.hypothesis}
     order = {str(i): str(k) for k, i in enumerate(sorted(chosen))}
     known: dict[tuple[str, str, str], float] = {}
-    for c, z in zip(fit.found, fit.at.z, strict=True):
-        if isinstance(c, EffectCoordinate):
+    for c, z in zip(fit.parameters, fit.evaluation.z, strict=True):
+        if isinstance(c, EffectParameter):
             if c.subject in order:
                 known[c.kind, order[c.subject], c.quantity.name] = c.value(float(z))
         elif (c.kind, c.subject) in freed or (nuisances and (c.kind, c.subject) not in all_freed):
             known[c.kind, c.subject, ""] = c.value(float(z))
 
-    def value(c: Coordinate) -> float:
-        return known.get((c.kind, c.subject, c.quantity.name if isinstance(c, EffectCoordinate) else ""), 0.0)
+    def value(c: FitParameter) -> float:
+        return known.get((c.kind, c.subject, c.quantity.name if isinstance(c, EffectParameter) else ""), 0.0)
 
     return value
 
 
 def _error(
-    forward: Predictor, observed: Observed, hypothesis: Hypothesis, value: Callable[[Coordinate], float]
+    forward: Predictor, observed: Observed, hypothesis: Hypothesis, value: Callable[[FitParameter], float]
 ) -> tuple[float | None, str]:
     """Error of the readings under given values and its unit, see `Observed.scored`; None where nothing stands."""
     unknowns = coordinates(nuisance_coordinates(observed), hypothesis)
@@ -182,7 +182,7 @@ def with_mistakes(document: Diagnosis, mistakes: Sequence[Mistake]) -> Diagnosis
 # --- The residual of the nominal model taken apart into contrasts that a person can read, and how sure each is
 
 
-def contrasts(fitter: Fitter, null: Fit) -> list[ContrastRow]:
+def contrasts(fitter: LeastSquaresProblem, null: Fit) -> list[ContrastRow]:
     """Every contrast that the data allow, the most significant first."""
     observed = fitter.forward.observed
     space = projection(fitter, null)
@@ -205,7 +205,7 @@ def contrasts(fitter: Fitter, null: Fit) -> list[ContrastRow]:
     return sorted(result, key=lambda contrast: -abs(contrast.significance))
 
 
-def _columns(fitter: Fitter, null: Fit) -> list[tuple[str, Array]]:
+def _columns(fitter: LeastSquaresProblem, null: Fit) -> list[tuple[str, Array]]:
     """What is compared with what, as a column ``(n,)`` that changes by one between them."""
     observed = fitter.forward.observed
     place, way = driven_place(observed), loading(observed)
@@ -246,16 +246,16 @@ def _since_held(way: Array) -> Array:
     return count
 
 
-def _behind(fitter: Fitter, null: Fit) -> np.ndarray:
+def _behind(fitter: LeastSquaresProblem, null: Fit) -> np.ndarray:
     """Readings ``(n,)`` where the tangent along the ray has fallen below a third of the unloaded one."""
     observed = fitter.forward.observed
-    result = np.zeros(len(observed.pose), dtype=bool)
+    result = np.zeros(len(observed.imposed), dtype=bool)
     if observed.columns != WRENCH:
         # what was read is not the wrench of the displacement that was imposed: there is no tangent stiffness
         return result
     for ray in observed.rays:
-        k = np.einsum("i,nij,j->n", ray.direction, null.at.stiffness[ray.index], ray.direction)
-        s = np.abs(observed.pose[ray.index] @ ray.measure)
+        k = np.einsum("i,nij,j->n", ray.direction, null.evaluation.stiffness[ray.index], ray.direction)
+        s = np.abs(observed.imposed[ray.index] @ ray.measure)
         result[ray.index] = k < k[np.argmin(s)] / 3.0
     return result
 
@@ -416,7 +416,7 @@ def _document(
         noise=NoiseRow(
             autocorrelation={name: float(neighbours[k]) for name, k in channels.items()},
             outliers=observed.outliers,
-            readings=len(observed.pose),
+            readings=len(observed.imposed),
         ),
         nuisances=nuisance_estimates(fitter, chosen),
         critical=list(points),
@@ -435,7 +435,9 @@ def _residual_words(verdict: Verdict) -> str:
     return f"the residual has the shape '{rest.worst or 'rough'}', strength {rest.left**0.5:.1f}"
 
 
-def _values(prepared: Prepared, kind: RampTest, fit: Fit, places: Sequence[Ranked]) -> dict[str, ValueRow | str]:
+def _values(
+    prepared: Prepared, kind: RampTest, fit: Fit, places: Sequence[ScoredModel]
+) -> dict[str, ValueRow | str]:
     elsewhere = [estimates(prepared.fitter, place.fit, 0.0) for place in places]
     values = joined(estimates(prepared.fitter, fit, 0.0), elsewhere)
     result = {**values, **kind.parameters(prepared.fitter, fit, values)}

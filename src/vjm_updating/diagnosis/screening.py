@@ -19,7 +19,7 @@ import numpy as np
 from vjm.rotations import Array
 from vjm_updating.constants import numerical, tuned
 from vjm_updating.diagnosis.evidence import Cone
-from vjm_updating.inference.fitting import Fit, Fitter, HeldTables, prior
+from vjm_updating.inference.fitting import Fit, HeldTables, LeastSquaresProblem, prior
 from vjm_updating.inference.parameters import coordinates, exclusive, release_key, sizeless, start, uncertain
 from vjm_updating.inference.significance import FALSE_ALARMS
 from vjm_updating.mechanisms.effect import Effect
@@ -61,18 +61,20 @@ class Signature:
 
 
 @dataclass(frozen=True, eq=False)
-class Signed:
+class SignatureSet:
     """Signatures about a null, of the samples ``(n, 6)`` that were present."""
 
     null: Fit
     present: np.ndarray
     branches: dict[tuple[int, int], int]
-    found: list[Signature]
+    signatures: list[Signature]
 
-    def serves(self, fitter: Fitter, null: Fit) -> bool:
+    def serves(self, fitter: LeastSquaresProblem, null: Fit) -> bool:
         """Whether another null of the same test lies so near that effects do the same about it."""
-        own, moved = fitter.of_machine, np.abs(null.at.z - self.null.at.z).max(initial=0.0)
-        ordinary = max(np.abs(z[own]).max(initial=0.0) for z in (null.at.z, self.null.at.z)) < ORDINARY
+        own, moved = fitter.of_machine, np.abs(null.evaluation.z - self.null.evaluation.z).max(initial=0.0)
+        ordinary = (
+            max(np.abs(z[own]).max(initial=0.0) for z in (null.evaluation.z, self.null.evaluation.z)) < ORDINARY
+        )
         seen = not (fitter.forward.observed.present & ~self.present).any()
         return bool(moved < NEAR_BY and ordinary and seen and self.branches == fitter.forward.branches)
 
@@ -98,21 +100,21 @@ class Score:
     @cached_property
     def p(self) -> float:
         """p-value of what mixtures of its trials take away."""
-        return float(self.cone.chance(np.array([self.mixture]))[0])
+        return float(self.cone.p_value(np.array([self.mixture]))[0])
 
 
-def signatures(fitter: Fitter, base: Fit, effects: Sequence[Effect]) -> list[Signature]:
+def signatures(fitter: LeastSquaresProblem, base: Fit, effects: Sequence[Effect]) -> list[Signature]:
     """The signatures of effects about a fit."""
     result = []
     own, held = fitter.of_machine, None
-    if float(np.abs(base.at.z[own]).max(initial=0.0)) < ORDINARY:
+    if float(np.abs(base.evaluation.z[own]).max(initial=0.0)) < ORDINARY:
         # what the machine's own nuisances do beside the effect cancels: the nominal machine's tables serve all fits
         held = HeldTables(own, np.zeros(len(own)), fitter.machine_slopes(base))
-    reference = fitter.evaluate(base.found, base.at.z, base.hypothesis, held=held) or base.at
+    reference = fitter.evaluate(base.parameters, base.evaluation.z, base.hypothesis, held=held) or base.evaluation
     for effect in effects:
         if (key := release_key(effect)) is not None:
             # what the sheet gives no tolerance is freed of no prior: its own slope says what it does
-            fixed = [i for i, c in enumerate(base.found) if (c.kind, c.subject) == key and c.sigma == 0.0]
+            fixed = [i for i, c in enumerate(base.parameters) if (c.kind, c.subject) == key and c.sigma == 0.0]
             change = -base.jacobian[:, :, fixed[0]] if fixed else None
             result.append(Signature(effect, (1.0,), change, one_sided=False))
             continue
@@ -122,7 +124,7 @@ def signatures(fitter: Fitter, base: Fit, effects: Sequence[Effect]) -> list[Sig
         sided = not quantities or any(q.neutral is not None and q.low == q.neutral for q in quantities)
         m = len(fitter.nuisances)
         for trial in effect.trials():
-            z = start(unknowns, hypothesis, base.at.z[:m], [*base.values, trial])
+            z = start(unknowns, hypothesis, base.evaluation.z[:m], [*base.values, trial])
             evaluation = fitter.evaluate(unknowns, z, hypothesis, held=held)
             if evaluation is not None:
                 change = reference.residual - evaluation.residual
@@ -130,15 +132,15 @@ def signatures(fitter: Fitter, base: Fit, effects: Sequence[Effect]) -> list[Sig
     return result
 
 
-def signed(fitter: Fitter, null: Fit, effects: Sequence[Effect]) -> Signed:
+def signed(fitter: LeastSquaresProblem, null: Fit, effects: Sequence[Effect]) -> SignatureSet:
     """The signatures of effects about a null, kept for others near by."""
     candidates = signatures(fitter, null, effects)
-    return Signed(null, fitter.forward.observed.present, dict(fitter.forward.branches), candidates)
+    return SignatureSet(null, fitter.forward.observed.present, dict(fitter.forward.branches), candidates)
 
 
-def far_off(fitter: Fitter, fit: Fit) -> bool:
+def far_off(fitter: LeastSquaresProblem, fit: Fit) -> bool:
     """Whether a fit is so far from the readings, a few outliers aside, that it says nothing of their noise."""
-    return float(np.median(np.abs(fitter.whitening.flat(fit.at.residual)))) > FAR_OFF
+    return float(np.median(np.abs(fitter.whitening.flat(fit.evaluation.residual)))) > FAR_OFF
 
 
 @dataclass(frozen=True)
@@ -170,22 +172,22 @@ class Projection:
         return result - self.basis @ (self.basis.T @ result)
 
 
-def projection(fitter: Fitter, base: Fit) -> Projection:
+def projection(fitter: LeastSquaresProblem, base: Fit) -> Projection:
     """The space that a fit cannot absorb, and its residual there."""
     W = fitter.whitening.flat(base.jacobian)
-    p, weight = prior(base.found, base.at.z)
-    A = np.vstack([W, np.diag(weight)])[:, uncertain(base.found)]
-    r = np.concatenate([fitter.whitening.flat(base.at.residual), p])
+    p, weight = prior(base.parameters, base.evaluation.z)
+    A = np.vstack([W, np.diag(weight)])[:, uncertain(base.parameters)]
+    r = np.concatenate([fitter.whitening.flat(base.evaluation.residual), p])
     size = np.linalg.norm(A, axis=0)
     U, values, _ = np.linalg.svd(A[:, size > 0.0] / size[size > 0.0], full_matrices=False)
     basis = U[:, values > 1e-10 * values.max(initial=0.0)]
     rows = len(W)
-    released = {(c.kind, c.subject): rows + i for i, c in enumerate(base.found) if c.kind != "effect"}
+    released = {(c.kind, c.subject): rows + i for i, c in enumerate(base.parameters) if c.kind != "effect"}
     rest = r - basis @ (basis.T @ r)
     return Projection(basis, rest, rows, released)
 
 
-def whitened(fitter: Fitter, space: Projection, candidates: Sequence[Signature]) -> Array:
+def whitened(fitter: LeastSquaresProblem, space: Projection, candidates: Sequence[Signature]) -> Array:
     """Signatures, whitened, priors below ``(N, k)``."""
     raw = np.zeros((len(space.residual), len(candidates)))
     changes = {i: signature.change for i, signature in enumerate(candidates) if signature.change is not None}
@@ -198,7 +200,7 @@ def whitened(fitter: Fitter, space: Projection, candidates: Sequence[Signature])
     return raw
 
 
-def scores(fitter: Fitter, space: Projection, candidates: Sequence[Signature]) -> list[Score]:
+def scores(fitter: LeastSquaresProblem, space: Projection, candidates: Sequence[Signature]) -> list[Score]:
     """Every effect's score, best first."""
     groups: dict[str, list[int]] = {}
     for i, signature in enumerate(candidates):
@@ -266,7 +268,7 @@ def threshold(ranking: Sequence[Score], rate: float = FALSE_ALARMS) -> float:
         squares = score.cone.explained(own)
         # what is not rare for one effect is no least of all
         rare = squares >= np.quantile(squares, 1.0 - RARE * rate)
-        least[rare] = np.minimum(least[rare], score.cone.chance(squares[rare]))
+        least[rare] = np.minimum(least[rare], score.cone.p_value(squares[rare]))
         column += score.cone.dimension
     return float(np.quantile(least, rate))
 

@@ -15,19 +15,19 @@ import numpy as np
 from vjm.rotations import Array
 from vjm_updating.constants import numerical, stated_level
 from vjm_updating.diagnosis.discrepancy import Misfit, discrepancy, marginalised, misfit
-from vjm_updating.diagnosis.evidence import Costs, Ranked, SearchMove, choice, criterion
+from vjm_updating.diagnosis.evidence import Costs, ScoredModel, SearchMove, choice, criterion
 from vjm_updating.diagnosis.screening import (
     STRONG,
     Score,
     Signature,
-    Signed,
+    SignatureSet,
     best_pairs,
     projection,
     scores,
     signatures,
     threshold,
 )
-from vjm_updating.inference.fitting import Fit, Fitter, best_fit, shapes_cost
+from vjm_updating.inference.fitting import Fit, LeastSquaresProblem, best_fit, shapes_cost
 from vjm_updating.inference.model_error import NINE_IN_TEN
 from vjm_updating.inference.parameters import (
     Hypothesis,
@@ -73,15 +73,15 @@ class Search:
         signed: what the effects do to the readings about a null near by.
     """
 
-    fitter: Fitter
+    fitter: LeastSquaresProblem
     null: Fit
     effects: Sequence[Effect]
     samples: float
     progress: Callable[[str], None] = lambda _: None
-    known: Mapping[frozenset[str], Ranked] = field(default_factory=dict)
-    signed: Signed | None = None
+    known: Mapping[frozenset[str], ScoredModel] = field(default_factory=dict)
+    signed: SignatureSet | None = None
     costs: Costs = field(default_factory=Costs)
-    tried: dict[frozenset[str], Ranked] = field(default_factory=dict, init=False)
+    tried: dict[frozenset[str], ScoredModel] = field(default_factory=dict, init=False)
     alarm: float = field(default=0.0, init=False)
     first: list[Score] = field(default_factory=list, init=False)
     _near_null: Fit = field(init=False)
@@ -90,7 +90,7 @@ class Search:
     _beside: dict[frozenset[str], tuple[Fit, list[Score]]] = field(default_factory=dict, init=False)
     _exact_ones: set[frozenset[str]] = field(default_factory=set, init=False)
 
-    def run(self) -> Ranked:
+    def run(self) -> ScoredModel:
         """The best hypothesis; the null where nothing is significant."""
         null = self.tried[frozenset()] = self.ranked(self.null)
         # what causes do beside nuisances that were taken far off says little
@@ -135,13 +135,13 @@ class Search:
         """Whether what a fit leaves, or what it takes of the nuisances, is rarer than an alarm."""
         return min(rest.p, rest.prior_p) < self.alarm
 
-    def begun_anew(self, best: Ranked) -> Ranked:
+    def begun_anew(self, best: ScoredModel) -> ScoredModel:
         """The best hypothesis, its fit begun elsewhere where it leaves more than noise, before that is unknown."""
         if not best.labels or not self.is_wrong(self.rest(best.fit)):
             return best
         return self.kept(begun_anew(self.fitter, best.fit))
 
-    def settled(self, ranked: Ranked) -> Ranked:
+    def settled(self, ranked: ScoredModel) -> ScoredModel:
         """The same, its fit carried on where it had not come to an end."""
         for _ in range(CARRIED_ON):
             if ranked.fit.converged:
@@ -150,7 +150,7 @@ class Search:
             ranked = self.tried[ranked.labels]
         return ranked
 
-    def complete_parts(self, best: Ranked) -> None:
+    def complete_parts(self, best: ScoredModel) -> None:
         """Fit what a hypothesis is without each of its causes, so that the share of each is known."""
         for move in self._backward(best):
             if move.labels not in self.tried:
@@ -165,20 +165,20 @@ class Search:
         fitted = {labels: r.criterion + lower for labels, r in self.known.items()}
         fitted |= {labels: r.criterion for labels, r in self.tried.items()}
         moves = self._forward(self.tried[null])
-        return {move.hypothesis[0]: fitted.get(move.labels, move.promise) for move in moves}
+        return {move.hypothesis[0]: fitted.get(move.labels, move.predicted_criterion) for move in moves}
 
-    def significant(self, ranked: Ranked) -> bool:
+    def significant(self, ranked: ScoredModel) -> bool:
         """Whether what causes explain is rare without any, over the whole catalogue."""
         gain = max(self.null.objective - ranked.fit.objective, 0.0)
         labels = [effect.label for effect in ranked.fit.hypothesis]
         own = [score for score in self.first if [score.effect.label] == labels]
         if own:
-            return float(own[0].cone.chance(np.array([gain]))[0]) < self.alarm
+            return float(own[0].cone.p_value(np.array([gain]))[0]) < self.alarm
         free = sum(max(len(effect.quantities()), 1) for effect in ranked.fit.hypothesis)
         # so many more hypotheses there are of that size
         return float(chi2_sf(gain, free)) < self.alarm / max(len(self.effects), 1) ** (len(labels) - 1)
 
-    def _scores(self, base: Ranked) -> list[Score]:
+    def _scores(self, base: ScoredModel) -> list[Score]:
         """What every other effect explains beside a hypothesis, its laws right to some per cent only."""
         if base.labels in self._beside and self._beside[base.labels][0] is base.fit:
             return self._beside[base.labels][1]
@@ -188,7 +188,7 @@ class Search:
         )
         if known is None:
             if not base.labels and self.signed is not None and self.signed.serves(self.fitter, base.fit):
-                known = self.signed.found
+                known = self.signed.signatures
             else:
                 self.progress(f"signatures of {len(self.effects)} effects")
                 known = signatures(self.fitter, base.fit, self.effects)
@@ -202,7 +202,7 @@ class Search:
         self._beside[base.labels] = base.fit, ranking
         return ranking
 
-    def _forward(self, base: Ranked) -> list[SearchMove]:
+    def _forward(self, base: ScoredModel) -> list[SearchMove]:
         """One cause more."""
         moves = []
         for score in self._scores(base) if base.labels else self.first:
@@ -218,7 +218,7 @@ class Search:
             )
         return moves
 
-    def _pairs(self, null: Ranked) -> list[SearchMove]:
+    def _pairs(self, null: ScoredModel) -> list[SearchMove]:
         """Of all pairs the best to first order, where they are significant."""
         rare = self.alarm / max(len(self.effects), 1)
         return [
@@ -233,7 +233,7 @@ class Search:
             if chi2_sf(worth, a.cone.dimension + b.cone.dimension) < rare
         ]
 
-    def _backward(self, best: Ranked) -> list[SearchMove]:
+    def _backward(self, best: ScoredModel) -> list[SearchMove]:
         """One cause less."""
         moves = []
         for i in range(len(best.labels) if len(best.labels) > 1 else 0):
@@ -242,14 +242,16 @@ class Search:
             moves.append(SearchMove(rest, best.fit, [values], -np.inf, 0.0))
         return moves
 
-    def _swaps(self, best: Ranked) -> list[SearchMove]:
+    def _swaps(self, best: ScoredModel) -> list[SearchMove]:
         """Another cause in the place of one."""
         moves = []
         for effect in best.fit.hypothesis:
             rest = self.tried.get(best.labels - {effect.label})
             if rest is not None:
                 # of a hypothesis of this size near the best the first order can be relied on
-                moves += [replace(move, unsure=0.0) for move in self._forward(rest) if move.labels != best.labels]
+                moves += [
+                    replace(move, criterion_error=0.0) for move in self._forward(rest) if move.labels != best.labels
+                ]
         return moves
 
     def _least_cost(self, before: Hypothesis, effect: Effect) -> float:
@@ -262,17 +264,17 @@ class Search:
     def _fit(self, moves: Iterable[SearchMove]) -> None:
         """Fit the most promising hypotheses: larger ones that may be better than the best, others as good."""
         fitted, missed = 0, 0.0
-        for move in sorted(moves, key=lambda move: move.promise):
+        for move in sorted(moves, key=lambda move: move.predicted_criterion):
             # what the first order has missed of one it may miss of the next
-            wanted = (move.surely and self._seen(move)) or (self._hopeful(move, missed) and fitted < WIDTH)
+            wanted = (move.always_fit and self._seen(move)) or (self._hopeful(move, missed) and fitted < WIDTH)
             if wanted and move.labels not in self.tried and not self._beaten(move):
                 self._try(move)
-                fitted += not move.surely
-                if move.labels in self.tried and move.promise > -np.inf:
-                    missed = max(missed, move.promise - self.tried[move.labels].criterion)
+                fitted += not move.always_fit
+                if move.labels in self.tried and move.predicted_criterion > -np.inf:
+                    missed = max(missed, move.predicted_criterion - self.tried[move.labels].criterion)
 
     @property
-    def _best(self) -> Ranked:
+    def _best(self) -> ScoredModel:
         """Of what was tried."""
         return min(self.tried.values(), key=lambda r: r.criterion)
 
@@ -280,19 +282,19 @@ class Search:
         """Whether to first order, which is wrong by so much at least, a hypothesis may be as good as the best."""
         best = self._best
         rival = RIVAL if len(move.labels) <= len(best.labels) else 0.0
-        return move.promise - max(move.unsure, missed) < best.criterion + rival
+        return move.predicted_criterion - max(move.criterion_error, missed) < best.criterion + rival
 
     def _seen(self, move: SearchMove) -> bool:
         """Whether a hypothesis may to first order explain a share of what the best does, rivals aside."""
         null = self.tried[frozenset()].criterion
-        return null + RIVAL - move.promise > UNSEEN * (null - self._best.criterion)
+        return null + RIVAL - move.predicted_criterion > UNSEEN * (null - self._best.criterion)
 
     def _beaten(self, move: SearchMove) -> bool:
         """Whether an earlier search found a hypothesis nearer to nothing than to the best.
 
         What the best is without one of its causes is always fitted.
         """
-        if move.labels not in self.known or move.promise == -np.inf:
+        if move.labels not in self.known or move.predicted_criterion == -np.inf:
             return False
         least, null = min(r.criterion for r in self.known.values()), self.known[frozenset()].criterion
         return self.known[move.labels].criterion > 0.5 * (least + null)
@@ -303,16 +305,16 @@ class Search:
         self.progress(" + ".join(effect.label for effect in hypothesis))
         m = len(self.fitter.nuisances)
         # what a wrong model has freed is its own affair
-        held = np.array([np.isfinite(c.sigma) for c in base.found[:m]])
-        begin = np.where(held, np.clip(base.at.z[:m], -START_WITHIN, START_WITHIN), base.at.z[:m])
+        held = np.array([np.isfinite(c.sigma) for c in base.parameters[:m]])
+        begin = np.where(held, np.clip(base.evaluation.z[:m], -START_WITHIN, START_WITHIN), base.evaluation.z[:m])
         starts, begins = move.starts, [begin]
         earlier = self.known.get(move.labels)
         if earlier is not None and earlier.fit.hypothesis == hypothesis and earlier.fit.converged:
-            starts, begins = [earlier.fit.values], [earlier.fit.at.z[:m]]
+            starts, begins = [earlier.fit.values], [earlier.fit.evaluation.z[:m]]
         elif not base.hypothesis:
             begins += alternative_starts(hypothesis[-1], self.fitter.nuisances, begin)
         target = self._worth_reaching(base)
-        enough, borrowed = move.promise + move.unsure, self.fitter.machine_slopes(base)
+        enough, borrowed = move.predicted_criterion + move.criterion_error, self.fitter.machine_slopes(base)
         best: Fit | None = None
         for z, values in product(begins, starts):
             best = _lower(best, best_fit(self.fitter, hypothesis, z, values, borrowed=borrowed, target=target))
@@ -333,11 +335,11 @@ class Search:
         usual shapes at no cost would not make it worth reaching, it stays.
         """
         for _ in range(CARRIED_ON):
-            cost = shapes_cost(fit.found, fit.at.z)
-            if cost < self.fitter.rounding or self.fitter.squares(fit.found, fit.at) - cost > target:
+            cost = shapes_cost(fit.parameters, fit.evaluation.z)
+            if cost < self.fitter.rounding or self.fitter.squares(fit.parameters, fit.evaluation) - cost > target:
                 break
             usual = [usual_shapes(e, v) for e, v in zip(fit.hypothesis, fit.values, strict=True)]
-            begin = fit.at.z[: len(self.fitter.nuisances)]
+            begin = fit.evaluation.z[: len(self.fitter.nuisances)]
             other = best_fit(self.fitter, fit.hypothesis, begin, usual, borrowed=borrowed, target=target)
             if other is None or other.objective > fit.objective - self.fitter.rounding:
                 break
@@ -348,7 +350,7 @@ class Search:
         """Squares of a fit from which its laws' discrepancy may still make it as good as the best."""
         least = self._best.criterion
         by_laws = (NINE_IN_TEN * self.costs.law_error) ** 2 * max(self.null.objective - least, 0.0)
-        constant = base.objective - self.fitter.squares(base.found, base.at)
+        constant = base.objective - self.fitter.squares(base.parameters, base.evaluation)
         return least + RIVAL + by_laws - constant
 
     def _from_base(
@@ -360,11 +362,11 @@ class Search:
             known.get(effect.label) or towards_nothing(effect, own, FAINT)
             for effect, own in zip(hypothesis, values, strict=True)
         ]
-        own = base.at.z[: len(self.fitter.nuisances)]
+        own = base.evaluation.z[: len(self.fitter.nuisances)]
         borrowed = self.fitter.machine_slopes(base)
         return best_fit(self.fitter, hypothesis, own, begin, borrowed=borrowed, target=target)
 
-    def _polished(self, size: int) -> list[Ranked]:
+    def _polished(self, size: int) -> list[ScoredModel]:
         """Hypotheses of one size, the best first; those that may be the best by exact fits."""
         while True:
             level = sorted((r for r in self.tried.values() if len(r.labels) == size), key=lambda r: r.criterion)
@@ -373,15 +375,15 @@ class Search:
                 return level
             self._polish(open_[0])
 
-    def _polish(self, ranked: Ranked) -> None:
+    def _polish(self, ranked: ScoredModel) -> None:
         """The exact fit, by how the machine's own nuisances act beside the hypothesis' causes."""
         self._exact_ones.add(ranked.labels)
         m = len(self.fitter.nuisances)
-        fit = best_fit(self.fitter, ranked.fit.hypothesis, ranked.fit.at.z[:m], ranked.fit.values)
+        fit = best_fit(self.fitter, ranked.fit.hypothesis, ranked.fit.evaluation.z[:m], ranked.fit.values)
         if fit is not None and fit.objective < ranked.fit.objective + RIVAL:
             self.tried[ranked.labels] = self.ranked(fit)
 
-    def kept(self, fit: Fit) -> Ranked:
+    def kept(self, fit: Fit) -> ScoredModel:
         """A fit with what it is worth, among what was tried; a better one of the same effects stays there."""
         ranked = self.ranked(fit)
         known = self.tried.get(ranked.labels)
@@ -389,11 +391,11 @@ class Search:
             self.tried[ranked.labels] = ranked
         return self.tried[ranked.labels]
 
-    def ranked(self, fit: Fit) -> Ranked:
+    def ranked(self, fit: Fit) -> ScoredModel:
         """A fit with what it is worth."""
         value = criterion(self.fitter, fit, self.effects, self.samples, self.costs)
         by_laws = discrepancy(self.fitter, fit, self.costs.law_error, self.explained(fit))
-        return Ranked(fit, value + by_laws, value - fit.objective)
+        return ScoredModel(fit, value + by_laws, value - fit.objective)
 
 
 def _lower(*fits: Fit | None) -> Fit | None:

@@ -71,12 +71,12 @@ class Solid:
     """Von Mises stress of a part from its drawing.
 
     Attributes:
-        at: points ``(k, 3)``, own axes, mm from the root.
+        points: points ``(k, 3)``, own axes, mm from the root.
         forms: ``(k, 6, 6)`` of them, see `vjm.io.schema.DrawnTable.stress_forms`.
         limit: yield stress, MPa.
     """
 
-    at: Array
+    points: Array
     forms: Array
     limit: float
 
@@ -85,7 +85,7 @@ class Solid:
         ends = np.cumsum([0.0, *lengths])
         wrenches = np.array([self._at_tip(beam, *each) for each in zip(ends[:-1], lengths, reactions, strict=True)])
         # a point bears what the spring of its own segment bears
-        along = (self.at @ beam.section_frame)[:, 0]
+        along = (self.points @ beam.section_frame)[:, 0]
         local_wrenches = wrenches[np.clip(np.searchsorted(ends, along, side="right") - 1, 0, len(reactions) - 1)]
         squares = np.einsum("ki,kij,kj->k", local_wrenches, self.forms, local_wrenches)
         return float(np.sqrt(max(0.0, squares.max()))) / self.limit

@@ -13,17 +13,17 @@ from vjm_updating.diagnosis.discrepancy import Misfit, blocks_of, marginalised
 from vjm_updating.diagnosis.document import (
     SURE,
     FindingsRow,
-    WeighedCauses,
+    PosteriorSample,
     acting,
     by_hypotheses,
     credible,
     findings_of,
     groups_of,
 )
-from vjm_updating.diagnosis.evidence import Ranked
+from vjm_updating.diagnosis.evidence import ScoredModel
 from vjm_updating.diagnosis.screening import Projection
 from vjm_updating.diagnosis.search import RIVAL, Search
-from vjm_updating.inference.fitting import Fit, Fitter, weighed
+from vjm_updating.inference.fitting import Fit, LeastSquaresProblem, weighed
 from vjm_updating.inference.model_error import NODES, WEIGHTS, largest, smooth_shapes
 from vjm_updating.inference.significance import NORMAL_95, RARER
 from vjm_updating.mechanisms.effect import Effect
@@ -45,14 +45,14 @@ OVERLAP = numerical(0.05)
 """Singular value below which a direction belongs to the kinds before."""
 
 
-def unmodelled(fitter: Fitter, fit: Fit, law_error: float = 0.0, explained: float = 0.0) -> float:
+def unmodelled(fitter: LeastSquaresProblem, fit: Fit, law_error: float = 0.0, explained: float = 0.0) -> float:
     """What shapes without a name add to the criterion of a fit, beside which they act.
 
     A nuisance that lies where its sheet does not let it be is one of the shapes. What the laws of the fit's causes
     may be wrong by, see `marginalised`, is noise; in the shapes of readings their errors compete besides.
     ``law_error`` is relative; ``explained`` are the squares that the causes explain.
     """
-    own = replace(fitter, whitening=weighed(fitter.whitening, fitter.forward.observed, fit.at))
+    own = replace(fitter, whitening=weighed(fitter.whitening, fitter.forward.observed, fit.evaluation))
     space = marginalised(own, fit, law_error, explained)
     beyond = np.eye(len(space.residual))[:, sorted(set(space.released.values()))]
     of_readings = [*_deflection_shapes(own, fit, space), *(block.directions for block in blocks_of(own, space))]
@@ -85,13 +85,13 @@ def unmodelled(fitter: Fitter, fit: Fit, law_error: float = 0.0, explained: floa
     return add
 
 
-def _deflection_shapes(fitter: Fitter, fit: Fit, space: Projection) -> list[Array]:
+def _deflection_shapes(fitter: LeastSquaresProblem, fit: Fit, space: Projection) -> list[Array]:
     """What the readings show where something deflects along the displacement, by kinds of smooth shapes."""
     observed = fitter.forward.observed
-    along = np.zeros((len(observed.pose), 6))
+    along = np.zeros((len(observed.imposed), 6))
     for ray in observed.rays:
         along[ray.index] = ray.direction
-    force = np.einsum("nij,nj->ni", fit.at.stiffness, along)
+    force = np.einsum("nij,nj->ni", fit.evaluation.stiffness, along)
     shapes, names = smooth_shapes(observed)
     raw = fitter.whitening.flat(np.where(observed.present, force, 0.0)[:, :, None] * shapes[:, None, :])
     columns = space.rest(np.vstack([raw, np.zeros((len(space.residual) - space.rows, raw.shape[1]))]))
@@ -136,12 +136,12 @@ class Verdict:
     """
 
     kind: str
-    members: tuple[Ranked, ...]
+    members: tuple[ScoredModel, ...]
     probabilities: tuple[float, ...]
     confidence: float
-    others: tuple[tuple[Ranked, float], ...]
+    others: tuple[tuple[ScoredModel, float], ...]
     rest: Misfit
-    places: tuple[tuple[Ranked, ...], ...] = ()
+    places: tuple[tuple[ScoredModel, ...], ...] = ()
     doubt: str = ""
     posterior: Posterior | None = None
     more_than_noise: bool = False
@@ -168,12 +168,12 @@ class Verdict:
         )
 
 
-def judge(search: Search, best: Ranked) -> Verdict:
+def judge(search: Search, best: ScoredModel) -> Verdict:
     """The verdict on a search's best hypothesis, and the findings that it follows from."""
     fitter = search.fitter
     # among as many causes as the catalogue has
     choice = 2.0 * float(np.log(len({effect.cause for effect in search.effects}) or 1))
-    alone = Ranked(search.null, search.null.objective + unmodelled(fitter, search.null) + choice, choice)
+    alone = ScoredModel(search.null, search.null.objective + unmodelled(fitter, search.null) + choice, choice)
     best = _settled(search, best, alone.criterion)
     rest = search.rest(best.fit)
     if best.labels:
@@ -183,10 +183,10 @@ def judge(search: Search, best: Ranked) -> Verdict:
     # or an unknown one acts beside the causes found
     inexact = search.costs.law_error > 0.0 and any(not effect.exact for effect in best.fit.hypothesis)
     explained = search.explained(best.fit) if inexact else 0.0
-    beside = Ranked(best.fit, np.inf)
+    beside = ScoredModel(best.fit, np.inf)
     if best.labels:
         further, cost = unmodelled(fitter, best.fit, search.costs.law_error, explained), choice + RARER
-        beside = Ranked(best.fit, best.criterion + further + cost, best.cost + cost)
+        beside = ScoredModel(best.fit, best.criterion + further + cost, best.cost + cost)
     power = coarsening(explained, search.costs.law_error) if search.costs.other_shapes else 1.0
     posterior = posterior_of(search, best, alone, beside, power)
     weights = _weights(search, best)
@@ -222,7 +222,7 @@ def judge(search: Search, best: Ranked) -> Verdict:
     )
 
 
-def credible_causes(best: Ranked, total: Mapping[Ranked, float]) -> list[Ranked]:
+def credible_causes(best: ScoredModel, total: Mapping[ScoredModel, float]) -> list[ScoredModel]:
     """The fewest sets of causes of which one is right with 95 %, the best one among them and first.
 
     A set that says the same as a member with more causes or parameters counts as that member. One without a cause
@@ -251,7 +251,7 @@ class Posterior:
         main: cause of the best with the largest share; empty where there is none.
     """
 
-    hypotheses: tuple[WeighedCauses, ...]
+    hypotheses: tuple[PosteriorSample, ...]
     nothing: float
     unknown: float
     shares: Mapping[str, float]
@@ -290,7 +290,9 @@ def coarsening(explained: float, law_error: float) -> float:
     return 1.0 / (1.0 + 0.5 * law_error**2 * explained)
 
 
-def posterior_of(search: Search, best: Ranked, alone: Ranked, beside: Ranked, power: float = 1.0) -> Posterior:
+def posterior_of(
+    search: Search, best: ScoredModel, alone: ScoredModel, beside: ScoredModel, power: float = 1.0
+) -> Posterior:
     """Probabilities of what was tried, of single causes that were not, and of an unknown one.
 
     The unknown cause acts ``alone``, or ``beside`` the best's; ``power`` is that of the likelihood in
@@ -306,41 +308,41 @@ def posterior_of(search: Search, best: Ranked, alone: Ranked, beside: Ranked, po
         # what was not worth a fit is not worth more than its promise; what promised more than the best was tried,
         # and its fit failed
         if labels not in worth and value > best.criterion:
-            worth[labels], places[labels] = Ranked(search.null, value), _places((effect,))
+            worth[labels], places[labels] = ScoredModel(search.null, value), _places((effect,))
 
-    def weighed(power: float) -> tuple[list[WeighedCauses], float, float]:
+    def weighed(power: float) -> tuple[list[PosteriorSample], float, float]:
         """Hypotheses, nothing, and the unknown."""
         values = np.array([r.coarsened(power).criterion for r in (*worth.values(), alone, beside)])
         w = np.exp(-0.5 * np.minimum(values - values.min(), 1400.0))
         *own, only, further = (w / w.sum()).tolist()
-        known = [WeighedCauses(places[labels], v) for labels, v in zip(worth, own, strict=True) if labels]
-        known.append(WeighedCauses(_places(best.fit.hypothesis), further))
+        known = [PosteriorSample(places[labels], v) for labels, v in zip(worth, own, strict=True) if labels]
+        known.append(PosteriorSample(_places(best.fit.hypothesis), further))
         return known, next(v for labels, v in zip(worth, own, strict=True) if not labels), only + further
 
     known, nothing, unknown = weighed(1.0)
     fitter = search.fitter
     number = int(fitter.whitening.present.sum())
-    squares = {r.labels: fitter.squares(r.fit.found, r.fit.at) for r in search.tried.values()}
+    squares = {r.labels: fitter.squares(r.fit.parameters, r.fit.evaluation) for r in search.tried.values()}
     missed = squares[frozenset()] - number
     shares: dict[str, float] = {}
     for r in sorted(tried.values(), key=lambda r: r.criterion):
         for cause, share in _shares(r, squares, missed).items():
             shares.setdefault(cause, share)
     main = max(sorted(best.causes), key=lambda cause: shares.get(cause, 0.0), default="")
-    residual = fitter.whitening.flat(best.fit.at.residual)
+    residual = fitter.whitening.flat(best.fit.evaluation.residual)
     return Posterior(
         hypotheses=tuple(known),
         nothing=nothing,
         unknown=unknown,
         shares=shares,
         explained=_explained(squares[best.labels], squares, missed),
-        left=float(np.sqrt(residual @ residual / max(number - len(best.fit.found), 1))),
+        left=float(np.sqrt(residual @ residual / max(number - len(best.fit.parameters), 1))),
         held=_held(weighed(power)[0], main, best.causes) if main else {},
         main=main,
     )
 
 
-def _held(coarsened: Sequence[WeighedCauses], main: str, causes: frozenset[str]) -> dict[str, float]:
+def _held(coarsened: Sequence[PosteriorSample], main: str, causes: frozenset[str]) -> dict[str, float]:
     """Probability of each cause of the best beside its main one, given that one."""
     with_main = [h for h in coarsened if main in h.places]
     whole = max(sum(h.probability for h in with_main), 1e-300)
@@ -359,7 +361,7 @@ def _explained(left: float, squares: Mapping[frozenset[str], float], missed: flo
     return float(np.clip((squares[frozenset()] - left) / missed, 0.0, 1.0)) if missed > 0.0 else 0.0
 
 
-def _shares(ranked: Ranked, squares: Mapping[frozenset[str], float], missed: float) -> dict[str, float]:
+def _shares(ranked: ScoredModel, squares: Mapping[frozenset[str], float], missed: float) -> dict[str, float]:
     """What each cause of a hypothesis explains: what is missed without it, of all that they explain together.
 
     Where it is not known what is missed without one of them, none has a share.
@@ -375,7 +377,7 @@ def _shares(ranked: Ranked, squares: Mapping[frozenset[str], float], missed: flo
     return {cause: explained * part / together if together > 0.0 else 0.0 for cause, part in lost.items()}
 
 
-def _settled(search: Search, best: Ranked, strange: float) -> Ranked:
+def _settled(search: Search, best: ScoredModel, strange: float) -> ScoredModel:
     """The best hypothesis whose fit has come to an end, for of another there is no evidence; else the best."""
     settled = search.settled(best)
     if settled.fit.converged or not settled.labels:
@@ -417,7 +419,7 @@ def withdrawn(verdict: Verdict, doubt: str) -> Verdict:
     )
 
 
-def needless(best: Ranked, rival: Ranked) -> bool:
+def needless(best: ScoredModel, rival: ScoredModel) -> bool:
     """Whether a rival that is no better says the same with more causes, or with a parameter more."""
     if len(rival.labels) > len(best.labels) or rival.labels > best.labels:
         return True
@@ -426,7 +428,7 @@ def needless(best: Ranked, rival: Ranked) -> bool:
     return bool(others) and all(contained.intersection((effect.cause, effect.label)) for effect in others)
 
 
-def _weights(search: Search, best: Ranked) -> dict[Ranked, float]:
+def _weights(search: Search, best: ScoredModel) -> dict[ScoredModel, float]:
     """Probability of every hypothesis tried, by its criterion; supersets of the best, a rejected null have none."""
     ranked = [r for r in search.tried.values() if not r.labels > best.labels and (r.labels or not best.labels)]
     criteria = np.array([r.criterion for r in ranked])
@@ -434,7 +436,7 @@ def _weights(search: Search, best: Ranked) -> dict[Ranked, float]:
     return {r: float(v) for r, v in zip(ranked, w / w.sum(), strict=True)}
 
 
-def credible_places(weights: Mapping[Ranked, float], member: Ranked) -> tuple[Ranked, ...]:
+def credible_places(weights: Mapping[ScoredModel, float], member: ScoredModel) -> tuple[ScoredModel, ...]:
     """The likeliest hypotheses that have a member's causes elsewhere: with it, a credible set of 95 %.
 
     So intervals of parameters hold what they say also where it is not known which place it is.
@@ -444,13 +446,13 @@ def credible_places(weights: Mapping[Ranked, float], member: Ranked) -> tuple[Ra
     return tuple(r for r in credible(member, {r: own / together for r, own in w.items()}) if r is not member)
 
 
-def in_other_places(ranked: Ranked, member: Ranked) -> bool:
+def in_other_places(ranked: ScoredModel, member: ScoredModel) -> bool:
     """Whether a hypothesis has a member's causes in other places."""
     same = ranked.causes == member.causes and len(ranked.labels) == len(member.labels)
     return same and ranked.labels != member.labels and ranked.fit.converged
 
 
-def _others(weights: dict[Ranked, float], members: list[Ranked]) -> tuple[tuple[Ranked, float], ...]:
+def _others(weights: dict[ScoredModel, float], members: list[ScoredModel]) -> tuple[tuple[ScoredModel, float], ...]:
     inside = {m.causes for m in members}
     left = [(r, w) for r, w in weights.items() if r.causes not in inside and r.labels]
     return tuple(sorted(left, key=lambda pair: -pair[1])[:5])

@@ -21,7 +21,7 @@ from vjm_updating.experiment.measured import Measurement
 from vjm_updating.experiment.mistakes import RIGHT, Mistake
 from vjm_updating.inference.significance import level
 from vjm_updating.mechanisms.equilibrium_tables import Gauge, HalfRay, PathTable, load_table, tabulate
-from vjm_updating.mechanisms.modified_chain import ModifiedChain
+from vjm_updating.mechanisms.modified_chain import ModifiedMachine
 
 FEW = numerical(5)
 """Readings on each side of a change."""
@@ -206,7 +206,7 @@ class ByLoads(Comparison):
         """Compliance ``(m, 6)``; see `Comparison`."""
         m = self.measurement
         table = load_table(
-            ModifiedChain(m.chain, m.engine), HalfRay.of(posture, np.eye(6)[0], SMALL), (), m.free, self.gauges
+            ModifiedMachine(m.chain, m.engine), HalfRay.of(posture, np.eye(6)[0], SMALL), (), m.free, self.gauges
         )
         return table.compliance[0]
 
@@ -300,7 +300,7 @@ class ByDisplacements(Comparison):
         except ValueError:
             known_rays = []
         self.rays: list[Ray] = [Ray(r.posture, r.direction, r.measure, known[r.index]) for r in known_rays]
-        self._machine = ModifiedChain(measurement.chain, measurement.engine)
+        self._machine = ModifiedMachine(measurement.chain, measurement.engine)
         self._table = lru_cache(maxsize=None)(self._tabulated)
 
     def predicted(self, way: Mistake = RIGHT, only: str = "") -> Array:

@@ -42,7 +42,7 @@ from vjm_updating.experiment.mistakes import TAKEN_BY_FORCE, refuse_mistaken
 from vjm_updating.frequencies.forward import FrequencyForward, pairings, probability, skipping, unlikeliness
 from vjm_updating.frequencies.measurement import FrequencyMeasurement
 from vjm_updating.frequencies.plausibility import considered
-from vjm_updating.inference.fitting import Fit, Fitter, best_fit, whitening_of
+from vjm_updating.inference.fitting import Fit, LeastSquaresProblem, best_fit, whitening_of
 from vjm_updating.inference.noise import Noise
 from vjm_updating.inference.observed import Observed
 from vjm_updating.result import CalibrationResult
@@ -81,14 +81,14 @@ def solve(measurement: FrequencyMeasurement, problem: CalibrationProblem) -> Cal
             read.
     """
     # each as its pairing has come to
-    solutions: dict[bytes, tuple[float, Fitter, FrequencyForward, Fit]] = {}
+    solutions: dict[bytes, tuple[float, LeastSquaresProblem, FrequencyForward, Fit]] = {}
     for pairs in _starts(measurement, problem):
         least = min((squares for squares, *_ in solutions.values()), default=np.inf)
         one = _settled(measurement, problem, pairs, least)
         if one is None:
             continue
         fitter, forward, fit = one
-        key, squares = forward.pairs.tobytes(), fitter.squares(problem.unknowns.all, fit.at)
+        key, squares = forward.pairs.tobytes(), fitter.squares(problem.unknowns.all, fit.evaluation)
         if key not in solutions or squares < solutions[key][0]:
             solutions[key] = squares, fitter, forward, fit
     if not solutions:
@@ -101,19 +101,19 @@ def solve(measurement: FrequencyMeasurement, problem: CalibrationProblem) -> Cal
         second = float(np.exp(-0.5 * (others[0][0] - squares)))
         fitter.forward = forward = replace(forward, rival=(others[0][2].pairs, second / (1.0 + second)))
     for _ in range(ROUNDS):
-        before, deviation = fit.at.z, deviations(fitter, fit)
+        before, deviation = fit.evaluation.z, deviations(fitter, fit)
         fitter.whitening = replace(fitter.whitening, spread=_spread(fitter, fit, problem.unknowns))
         fit = best_fit(fitter, (), before, []) or fit
         # the spread follows from the unknowns: where they stay, it stays
-        if np.max(np.abs(fit.at.z - before) / deviation) < SETTLED:
+        if np.max(np.abs(fit.evaluation.z - before) / deviation) < SETTLED:
             break
-    fit = replace(fit, jacobian=fitter.slopes(fit.found, fit.at, ()))
+    fit = replace(fit, jacobian=fitter.slopes(fit.parameters, fit.evaluation, ()))
     return CalibrationSolution(problem.observed, forward, fitter, fit, problem)
 
 
 def _settled(
     measurement: FrequencyMeasurement, problem: CalibrationProblem, pairs: np.ndarray, target: float
-) -> tuple[Fitter, FrequencyForward, Fit] | None:
+) -> tuple[LeastSquaresProblem, FrequencyForward, Fit] | None:
     """The best parameters with a pairing ``(n, k)``, the pairing about them, and so on.
 
     None where the machine lacks a mode that was read. A fit that will not come to the ``target`` ends early.
@@ -126,11 +126,11 @@ def _settled(
             nominal = forward.evaluate(unknowns.all, z, ())
         except NoConvergenceError:
             return None
-        fitter = Fitter(forward, unknowns.all, whitening_of(observed, nominal), ROUNDING)
+        fitter = LeastSquaresProblem(forward, unknowns.all, whitening_of(observed, nominal), ROUNDING)
         fit = best_fit(fitter, (), z, [], target=target)
         if fit is None:
             return solution
-        solution, z = (fitter, forward, fit), fit.at.z
+        solution, z = (fitter, forward, fit), fit.evaluation.z
         pairs = paired(measurement, forward, z)
         if np.array_equal(pairs, forward.pairs):
             break
@@ -184,10 +184,10 @@ def _starts(measurement: FrequencyMeasurement, problem: CalibrationProblem) -> l
     return list({pairs.tobytes(): pairs for pairs in starts}.values())
 
 
-def _spread(fitter: Fitter, fit: Fit, unknowns: Unknowns) -> Array:
+def _spread(fitter: LeastSquaresProblem, fit: Fit, unknowns: Unknowns) -> Array:
     """Standard deviation of the residuals over the sheet's, of all columns alike ``(k,)``, where they show one."""
     whitening = replace(fitter.whitening, spread=np.ones(1))
-    r, J = whitening.flat(fit.at.residual), whitening.flat(fit.jacobian)
+    r, J = whitening.flat(fit.evaluation.residual), whitening.flat(fit.jacobian)
     information = J.T @ J
     # squares that what the readings determine takes of them
     used = float(np.trace(np.linalg.solve(information + np.diag(unknowns.sigma**-2.0), information)))
@@ -278,7 +278,7 @@ def _pairing(measurement: FrequencyMeasurement, fit: CalibrationSolution) -> lis
                 modes=[
                     PairedRow(
                         column=measurement.columns[k], mode=int(forward.pairs[i, k]) + 1,
-                        measured=float(measurement.frequency[i, k]), computed=float(fit.at.wrench[i, k]),
+                        measured=float(measurement.frequency[i, k]), computed=float(fit.at.prediction[i, k]),
                         in_sigma=float(fit.at.residual[i, k] / measurement.sigma[i, k]),
                     )
                     for k in columns

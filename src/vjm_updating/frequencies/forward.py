@@ -12,18 +12,18 @@ from itertools import combinations
 
 import numpy as np
 
-from vjm.design.linear_state import LinearState, question, state_of
+from vjm.design.linear_state import LinearState, loaded_posture, state_of
 from vjm.design.modes import eigenmodes, frequency_rates
 from vjm.errors import NoConvergenceError
 from vjm.model.machine import Machine
 from vjm.model.parameters import Parameter
 from vjm.rotations import Array
-from vjm_updating.calibration.parameters import OfUnknowns, Unknown
+from vjm_updating.calibration.parameters import CalibrationParameter, OfUnknowns
 from vjm_updating.constants import numerical
 from vjm_updating.frequencies.measurement import FrequencyMeasurement
 from vjm_updating.inference.forward import Predictor
 from vjm_updating.inference.instruments import InstrumentErrors
-from vjm_updating.inference.parameters import Coordinate, Evaluation, Hypothesis
+from vjm_updating.inference.parameters import Evaluation, FitParameter, Hypothesis
 
 
 def pairings(read: np.ndarray, missing: int) -> np.ndarray:
@@ -171,7 +171,7 @@ class FrequencyForward(OfUnknowns, Predictor):
         order = self.unknowns.on_chain.tolist()
         parameter = self.unknowns.sensitivity_parameters(z)[order.index(index)]
         own = self.unknowns.all[index]
-        if isinstance(own, Unknown) and own.linear and own.low > 0.0:
+        if isinstance(own, CalibrationParameter) and own.linear and own.low > 0.0:
             # a step must not make it rigid
             parameter = replace(parameter, scale=float(z[index]))
         table = np.full((len(tapped.standing), tapped.frequencies.shape[1]), np.nan)
@@ -187,7 +187,7 @@ class FrequencyForward(OfUnknowns, Predictor):
         return replace(parameter, apply=lambda chain, value: self.measurement.carrying(change(chain, value), mass))
 
     def evaluate(
-        self, unknowns: Sequence[Coordinate], z: Array, hypothesis: Hypothesis, beside: Array | None = None
+        self, unknowns: Sequence[FitParameter], z: Array, hypothesis: Hypothesis, beside: Array | None = None
     ) -> Evaluation:
         """Readings against the machine of the unknowns.
 
@@ -201,7 +201,7 @@ class FrequencyForward(OfUnknowns, Predictor):
             raise NoConvergenceError(f"{self.unknowns.chain.name}: it has fewer modes than were read")
         computed = np.where(read, computed, 0.0)
         errors = InstrumentErrors.of({}, {}, self.observed.columns)
-        residual = np.where(read, np.nan_to_num(self.observed.wrench) - computed, 0.0)
+        residual = np.where(read, np.nan_to_num(self.observed.measured) - computed, 0.0)
 
         def exact(index: int) -> Array:
             return np.where(read, -_picked(self.rates(z, index), self.pairs), 0.0)
@@ -232,7 +232,7 @@ def tapped(measurement: FrequencyMeasurement, chain: Machine) -> Tapped:
 def _standing(measurement: FrequencyMeasurement, chain: Machine, label: str, modes: int) -> Standing:
     gravity = measurement.sheet.test.gravity
     weight = None if gravity is None else (gravity[0], gravity[1], gravity[2])
-    asked = question(chain, label, gravity=weight, engine=measurement.engine)
+    asked = loaded_posture(chain, label, gravity=weight, engine=measurement.engine)
     state = state_of(asked)
     values, motions = eigenmodes(state, modes)
     if not np.all(np.real(values) > 0.0):

@@ -104,7 +104,7 @@ class Identification(Outcome):
     """What virtual experiments or a matrix say of a part.
 
     Attributes:
-        found: every figure, as the JSON document of `validate identify` has it.
+        document: every figure, as the JSON document of `validate identify` has it.
 
     Example:
         >>> import vjm_updating
@@ -112,21 +112,21 @@ class Identification(Outcome):
         (6, 6)
     """
 
-    found: IdentificationDocument
+    document: IdentificationDocument
 
     @property
     def compliance(self) -> Array:
         """``(6, 6)`` mm/N, 1/N, rad/(N mm)."""
-        return np.array(self.found.compliance)
+        return np.array(self.document.compliance)
 
     def table(self) -> list[dict[str, Any]]:
         """The compliance, a row for each component of the motion."""
-        rows = zip(COMPONENTS, self.found.compliance, strict=True)
+        rows = zip(COMPONENTS, self.document.compliance, strict=True)
         return [{"motion": name, **dict(zip(COMPONENTS, row, strict=True))} for name, row in rows]
 
     def to_dict(self) -> dict[str, Any]:
         """As the JSON document."""
-        return self.found.model_dump(mode="json")
+        return self.document.model_dump(mode="json")
 
 
 def identified(

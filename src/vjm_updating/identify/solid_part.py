@@ -463,14 +463,14 @@ def solid_document(
     """What was found, with the beams that are like it, as a document; ``bonded`` bodies are meant to be one."""
     task, bounds = part.task, part.bounds
     beams = beams_of(part)
-    taper = tapered(middle(part), part.at - part.base_centre)
+    taper = tapered(middle(part), part.point - part.base_centre)
     force, words = buckling_of(part, beams)
     return SolidDocument(
         version=__version__, name=task.path.name, sha256=hashlib.sha256(task.path.read_bytes()).hexdigest(),
         youngs_modulus_MPa=task.material.youngs_modulus, poissons_ratio=task.material.poissons_ratio,
         density_kg_per_m3=1e9 * task.material.density or None, base_faces=list(part.ends.base),
         tip_faces=list(part.ends.tip), base_held=task.held.value, base_centre_mm=part.base_centre.tolist(),
-        tip_centre_mm=part.tip_centre.tolist(), read_at_mm=part.at.tolist(),
+        tip_centre_mm=part.tip_centre.tolist(), read_at_mm=part.point.tolist(),
         meshes=[MeshDocument(size_mm=h, unknowns=n) for h, n in zip(part.sizes, part.unknowns, strict=True)],
         stopped=part.stopped, accuracy_asked=task.accuracy, accuracy_reached=part.relative,
         bounds=[_bound(tip, bound) for tip, bound in bounds.items()], bounds_apart=apart(part),

@@ -21,8 +21,8 @@ from vjm_updating.inference.forward import Predictor, values_of
 from vjm_updating.inference.noise import AutoregressiveNoise, whiten
 from vjm_updating.inference.observed import Observed, RampRegression
 from vjm_updating.inference.parameters import (
-    Coordinate,
     Evaluation,
+    FitParameter,
     Hypothesis,
     coordinates,
     of_effect,
@@ -175,13 +175,13 @@ class Fit:
 
     Attributes:
         jacobian: of the raw residuals ``(n, 6, n_z)``.
-        objective: twice the negative logarithm of likelihood and prior, see `Fitter.objective`.
+        objective: twice the negative logarithm of likelihood and prior, see `LeastSquaresProblem.objective`.
         converged: whether it ended by itself.
     """
 
     hypothesis: Hypothesis
-    found: tuple[Coordinate, ...]
-    at: Evaluation
+    parameters: tuple[FitParameter, ...]
+    evaluation: Evaluation
     jacobian: Array
     objective: float
     converged: bool
@@ -189,13 +189,13 @@ class Fit:
     @property
     def values(self) -> list[list[float]]:
         """Each effect's values."""
-        return values_of(self.found, self.at.z, self.hypothesis)
+        return values_of(self.parameters, self.evaluation.z, self.hypothesis)
 
     @property
     def free(self) -> int:
         """Parameters that no prior of the sheet restrains."""
-        return sum(c.kind == "effect" for c in self.found) + sum(
-            c.kind != "effect" and not np.isfinite(c.sigma) for c in self.found
+        return sum(c.kind == "effect" for c in self.parameters) + sum(
+            c.kind != "effect" and not np.isfinite(c.sigma) for c in self.parameters
         )
 
 
@@ -205,17 +205,17 @@ class HeldTables:
 
     Attributes:
         own: indices of the coordinates that make it another one.
-        at: their values ``(m,)``.
+        values: their values ``(m,)``.
         slopes: derivatives ``(n, 6, m)`` of the raw residuals by them, which lead on to the others.
     """
 
     own: Sequence[int]
-    at: Array
+    values: Array
     slopes: Array
 
 
 @dataclass
-class Fitter:
+class LeastSquaresProblem:
     """Fits hypotheses to one test.
 
     Attributes:
@@ -224,7 +224,7 @@ class Fitter:
     """
 
     forward: Predictor
-    nuisances: tuple[Coordinate, ...]
+    nuisances: tuple[FitParameter, ...]
     whitening: Whitening
     rounding: float = ROUNDING
 
@@ -244,7 +244,7 @@ class Fitter:
 
     def evaluate(
         self,
-        unknowns: Sequence[Coordinate],
+        unknowns: Sequence[FitParameter],
         z: Array,
         hypothesis: Hypothesis,
         *,
@@ -262,13 +262,13 @@ class Fitter:
         except (NoConvergenceError, ValueError, np.linalg.LinAlgError):
             return None
         if held is not None:
-            change = np.nan_to_num(held.slopes) @ (z[held.own] - held.at)
+            change = np.nan_to_num(held.slopes) @ (z[held.own] - held.values)
             evaluation = replace(
                 evaluation, z=z, residual=evaluation.residual + np.where(self.whitening.present, change, 0.0)
             )
         return evaluation if np.isfinite(evaluation.residual).all() else None
 
-    def squares(self, unknowns: Sequence[Coordinate], evaluation: Evaluation) -> float:
+    def squares(self, unknowns: Sequence[FitParameter], evaluation: Evaluation) -> float:
         """Squares of whitened residuals and of what lies off the priors."""
         r = self.whitening.flat(evaluation.residual)
         p, _ = prior(unknowns, evaluation.z)
@@ -276,7 +276,7 @@ class Fitter:
 
     def slopes(
         self,
-        unknowns: Sequence[Coordinate],
+        unknowns: Sequence[FitParameter],
         evaluation: Evaluation,
         hypothesis: Hypothesis,
         borrowed: Array | None = None,
@@ -297,7 +297,7 @@ class Fitter:
     def renew(
         self,
         J: Array,
-        unknowns: Sequence[Coordinate],
+        unknowns: Sequence[FitParameter],
         evaluation: Evaluation,
         hypothesis: Hypothesis,
         machine: Sequence[int],
@@ -317,7 +317,7 @@ class Fitter:
 
     def beyond_tolerance(self, null: Fit) -> bool:
         """Whether a null needs nuisances of the machine far off the sheet's."""
-        return float(np.abs(null.at.z[self.of_machine]).max(initial=0.0)) > FARTHER
+        return float(np.abs(null.evaluation.z[self.of_machine]).max(initial=0.0)) > FARTHER
 
     def near(self, null: Fit, most: float) -> Fit:
         """The same, or where it lacks a cause that drags nuisances along, one no further than ``most`` sigmas off.
@@ -326,14 +326,16 @@ class Fitter:
         """
         if not self.beyond_tolerance(null):
             return null
-        evaluation = self.evaluate(null.found, np.clip(null.at.z, -most, most), null.hypothesis)
+        evaluation = self.evaluate(null.parameters, np.clip(null.evaluation.z, -most, most), null.hypothesis)
         if evaluation is None:
             return null
-        return replace(null, at=evaluation, jacobian=self.slopes(null.found, evaluation, null.hypothesis))
+        return replace(
+            null, evaluation=evaluation, jacobian=self.slopes(null.parameters, evaluation, null.hypothesis)
+        )
 
     def _difference(
         self,
-        unknowns: Sequence[Coordinate],
+        unknowns: Sequence[FitParameter],
         evaluation: Evaluation,
         hypothesis: Hypothesis,
         i: int,
@@ -354,7 +356,7 @@ class Fitter:
                 return (shifted.residual - evaluation.residual) / step
         return np.zeros_like(evaluation.residual)
 
-    def objective(self, unknowns: Sequence[Coordinate], evaluation: Evaluation) -> float:
+    def objective(self, unknowns: Sequence[FitParameter], evaluation: Evaluation) -> float:
         """Twice the negative logarithm of the likelihood and prior, but for a constant.
 
         The readings' covariances are as the hypothesis' own stiffness makes them. With another's, one that needs
@@ -368,7 +370,7 @@ class Fitter:
         p, _ = prior(unknowns, evaluation.z)
         return float(r @ r + p @ p + own.determinant) - displaced(observed, evaluation)
 
-    def system(self, unknowns: Sequence[Coordinate], evaluation: Evaluation, J: Array) -> tuple[Array, Array]:
+    def system(self, unknowns: Sequence[FitParameter], evaluation: Evaluation, J: Array) -> tuple[Array, Array]:
         """Normal matrix ``(n_z, n_z)`` and right side ``(n_z,)`` of a step."""
         W, r = self.whitening.flat(J), self.whitening.flat(evaluation.residual)
         p, weight = prior(unknowns, evaluation.z)
@@ -378,12 +380,12 @@ class Fitter:
 
     def normal(self, fit: Fit) -> Array:
         """Inverse covariance ``(n_z, n_z)`` of a fit's coordinates, priors included."""
-        return self.system(fit.found, fit.at, fit.jacobian)[0]
+        return self.system(fit.parameters, fit.evaluation, fit.jacobian)[0]
 
     def pressure(self, fit: Fit) -> Array:
         """How strongly ``(n_z,)`` a fit's coordinates press against bounds that they lie at, else zero."""
-        low, high = (np.array([getattr(c, end) for c in fit.found]) for end in ("low", "high"))
-        b, z = self.system(fit.found, fit.at, fit.jacobian)[1], fit.at.z
+        low, high = (np.array([getattr(c, end) for c in fit.parameters]) for end in ("low", "high"))
+        b, z = self.system(fit.parameters, fit.evaluation, fit.jacobian)[1], fit.evaluation.z
         return np.where(z <= low, np.maximum(-b, 0.0), np.where(z >= high, np.maximum(b, 0.0), 0.0))
 
 
@@ -392,18 +394,18 @@ def _made(z: Array, held: HeldTables | None) -> Array:
     if held is None:
         return z
     made = z.copy()
-    made[held.own] = held.at
+    made[held.own] = held.values
     return made
 
 
-def shapes_cost(unknowns: Sequence[Coordinate], z: Array) -> float:
+def shapes_cost(unknowns: Sequence[FitParameter], z: Array) -> float:
     """What it costs in the objective that shapes of laws are not the usual ones: all that these could save."""
     off, _ = prior(unknowns, z)
     own = [i for i, c in enumerate(unknowns) if c.kind == "effect" and np.isfinite(c.sigma)]
     return float(off[own] @ off[own])
 
 
-def prior(unknowns: Sequence[Coordinate], z: Array) -> tuple[Array, Array]:
+def prior(unknowns: Sequence[FitParameter], z: Array) -> tuple[Array, Array]:
     """Root ``(n_z,)`` of what each coordinate costs in the objective, and its derivative.
 
     A sheet's tolerance is Gaussian. The shape of a law has an order of magnitude: its prior is Cauchy's, of which
@@ -441,16 +443,16 @@ class Descent:
     """A fit on its way.
 
     Attributes:
-        at: the readings where it is, by tables of their own.
+        evaluation: the readings where it is, by tables of their own.
         J: derivatives ``(n, 6, n_z)`` of the raw residuals.
         worth: squares there.
         own: indices of the coordinates that make the machine another one.
     """
 
-    fitter: Fitter
+    fitter: LeastSquaresProblem
     hypothesis: Hypothesis
-    found: Sequence[Coordinate]
-    at: Evaluation
+    parameters: Sequence[FitParameter]
+    evaluation: Evaluation
     J: Array
     worth: float
     own: Sequence[int]
@@ -458,17 +460,17 @@ class Descent:
     def round(self, radius: float) -> tuple[Evaluation, Array, float]:
         """The best by this machine's tables, within a radius: where, with which slopes and squares."""
         fitter, own = self.fitter, self.own
-        held = HeldTables(own, self.at.z[own], self.J[:, :, own])
-        low, high = (np.array([getattr(c, end) for c in self.found]) for end in ("low", "high"))
-        far = radius * (1.0 + np.abs(held.at))
-        low[own], high[own] = np.maximum(low[own], held.at - far), np.minimum(high[own], held.at + far)
-        evaluation, J, best, damping, exact = self.at, self.J.copy(), self.worth, 1e-3, True
-        effects = [i for i, c in enumerate(self.found) if c.kind == "effect" and i not in own]
+        held = HeldTables(own, self.evaluation.z[own], self.J[:, :, own])
+        low, high = (np.array([getattr(c, end) for c in self.parameters]) for end in ("low", "high"))
+        far = radius * (1.0 + np.abs(held.values))
+        low[own], high[own] = np.maximum(low[own], held.values - far), np.minimum(high[own], held.values + far)
+        evaluation, J, best, damping, exact = self.evaluation, self.J.copy(), self.worth, 1e-3, True
+        effects = [i for i, c in enumerate(self.parameters) if c.kind == "effect" and i not in own]
         for count in range(MOST_STEPS):
             trial, damping = self._step(evaluation, J, best, damping, held, low, high)
             fall = 0.0
             if trial is not None:
-                value = fitter.squares(self.found, trial)
+                value = fitter.squares(self.parameters, trial)
                 fall = best - value
                 if fall > LEARNT * fitter.rounding:
                     self.learn(J, evaluation, trial, effects)
@@ -479,13 +481,13 @@ class Descent:
                 break
             exact = ended or count % RENEWED == 0
             if exact:
-                fitter.renew(J, self.found, evaluation, self.hypothesis, [], held)
+                fitter.renew(J, self.parameters, evaluation, self.hypothesis, [], held)
         return evaluation, J, best
 
-    def promise(self) -> float:
+    def predicted_criterion(self) -> float:
         """Fall of the squares by a whole step, to first order, were no step too long."""
-        A, b = self.fitter.system(self.found, self.at, self.J)
-        return float(b @ inverse(A, uncertain(self.found), rcond=1e-10) @ b)
+        A, b = self.fitter.system(self.parameters, self.evaluation, self.J)
+        return float(b @ inverse(A, uncertain(self.parameters), rcond=1e-10) @ b)
 
     def _step(
         self,
@@ -498,7 +500,7 @@ class Descent:
         high: Array,
     ) -> tuple[Evaluation | None, float]:
         """A damped step that makes the squares smaller, if there is one, and the damping to go on with."""
-        unknowns = self.found
+        unknowns = self.parameters
         fixed = np.array([c.sigma == 0.0 for c in unknowns])
         linear = np.array([c.kind in ("zero", "scale") for c in unknowns])
         A, b = self.fitter.system(unknowns, evaluation, J)
@@ -524,7 +526,7 @@ class Descent:
 
 
 def best_fit(
-    fitter: Fitter,
+    fitter: LeastSquaresProblem,
     hypothesis: Hypothesis,
     nuisances: Array,
     values: Sequence[Sequence[float]],
@@ -554,12 +556,14 @@ def best_fit(
     fall = 0.0
     for count in range(ROUNDS):
         if now.worth > target and count > PATIENT:
-            out_of_reach = now.worth - HOPE * max(fall, 0.0) > target and now.worth - now.promise() > target
+            out_of_reach = (
+                now.worth - HOPE * max(fall, 0.0) > target and now.worth - now.predicted_criterion() > target
+            )
             if out_of_reach or count > LOST:
                 break
         by_current = current
         trial, J, expected = now.round(radius)
-        moved = bool((trial.z[own] != now.at.z[own]).any())
+        moved = bool((trial.z[own] != now.evaluation.z[own]).any())
         expected = now.worth - expected
         exact = fitter.evaluate(unknowns, trial.z, hypothesis) if moved else trial
         value = np.inf if exact is None else fitter.squares(unknowns, exact)
@@ -567,8 +571,8 @@ def best_fit(
         if exact is not None and fall > 0.0 and (fall >= 0.1 * expected or expected < rounding):
             # borrowed slopes are of another place: with a step added they would foresee too little
             if moved and borrowed is None and fall > LEARNT * rounding:
-                now.learn(J, now.at, exact, own)
-            now.at, now.J, now.worth = exact, J, value
+                now.learn(J, now.evaluation, exact, own)
+            now.evaluation, now.J, now.worth = exact, J, value
             radius = radius * GROWS if fall >= GOOD * expected else radius
             if expected >= enough and fall < POOR * expected:
                 fitter.renew(now.J, unknowns, exact, hypothesis, fitter.of_machine)
@@ -582,16 +586,18 @@ def best_fit(
                 break
             continue
         elif expected >= rounding:
-            fitter.renew(now.J, unknowns, now.at, hypothesis, fitter.of_machine)
+            fitter.renew(now.J, unknowns, now.evaluation, hypothesis, fitter.of_machine)
             current = True
             continue
         if expected < (enough if fall > 0.0 else rounding):
             if by_current or borrowed is not None:
                 converged = True
                 break
-            fitter.renew(now.J, unknowns, now.at, hypothesis, fitter.of_machine)
+            fitter.renew(now.J, unknowns, now.evaluation, hypothesis, fitter.of_machine)
             current = True
             continue
     if borrowed is None and not current:
-        fitter.renew(now.J, unknowns, now.at, hypothesis, fitter.of_machine)
-    return Fit(hypothesis, tuple(unknowns), now.at, now.J, fitter.objective(unknowns, now.at), converged)
+        fitter.renew(now.J, unknowns, now.evaluation, hypothesis, fitter.of_machine)
+    return Fit(
+        hypothesis, tuple(unknowns), now.evaluation, now.J, fitter.objective(unknowns, now.evaluation), converged
+    )

@@ -23,8 +23,8 @@ from vjm_updating.inference.instruments import ThermalDrift
 from vjm_updating.inference.noise import whiten
 from vjm_updating.inference.observed import Observed, RampRegression, commanded, is_noise, observe, straightened
 from vjm_updating.inference.parameters import (
-    Coordinate,
     Evaluation,
+    FitParameter,
     Hypothesis,
     coordinates,
     deflects,
@@ -37,7 +37,7 @@ from vjm_updating.inference.significance import CUT, NORMAL_95, median_sigma
 from vjm_updating.mechanisms.effect import Effect
 from vjm_updating.mechanisms.equilibrium_tables import HalfRay, PathTable, Sheaf, beside, first_force, tabulate
 from vjm_updating.mechanisms.hysteresis import friction_torques
-from vjm_updating.mechanisms.modified_chain import AxialSigns, ModifiedChain
+from vjm_updating.mechanisms.modified_chain import AxialSigns, ModifiedMachine
 from vjm_updating.mechanisms.relaxation import OnRay, relaxing
 from vjm_updating.mechanisms.series_elements import Memoryless, SeriesElement, balance, deflection
 
@@ -58,7 +58,7 @@ def at_their_means(observed: Observed, evaluation: Evaluation) -> Observed:
         on = lines.any(axis=1)
         if not on.any() or observed.noise.pose[k] <= 0.0:
             continue
-        off = (observed.pose[:, k] - lines @ (lines.T @ observed.pose[:, k]))[on]
+        off = (observed.imposed[:, k] - lines @ (lines.T @ observed.imposed[:, k]))[on]
         share = followed_share(observed, evaluation, k)
         # of an axis that stood still the share is 0, of one that went where its gauge says 1
         if share < 1.0 - share and is_noise(off / observed.noise.pose[k]):
@@ -71,10 +71,10 @@ def _levels(observed: Observed, k: int) -> Array:
     columns = []
     for ray in observed.rays:
         if ray.direction[k] == 0.0 and len(ray.index) >= LEAST:
-            column = np.zeros(len(observed.pose))
+            column = np.zeros(len(observed.imposed))
             column[ray.index] = 1.0 / np.sqrt(len(ray.index))
             columns.append(column)
-    return np.column_stack(columns) if columns else np.zeros((len(observed.pose), 0))
+    return np.column_stack(columns) if columns else np.zeros((len(observed.imposed), 0))
 
 
 def followed_share(observed: Observed, evaluation: Evaluation, k: int) -> float:
@@ -85,9 +85,9 @@ def followed_share(observed: Observed, evaluation: Evaluation, k: int) -> float:
     displacements.
     """
     lines = _levels(observed, k)
-    off = np.where(lines.any(axis=1), observed.pose[:, k] - lines @ (lines.T @ observed.pose[:, k]), 0.0)
+    off = np.where(lines.any(axis=1), observed.imposed[:, k] - lines @ (lines.T @ observed.imposed[:, k]), 0.0)
     others = np.where(np.arange(6) == k, 0.0, observed.noise.pose)
-    sigmas = np.broadcast_to(others, observed.pose.shape)
+    sigmas = np.broadcast_to(others, observed.imposed.shape)
     white = whiten(sigmas, observed.noise.wrench, evaluation.sensitivity, observed.present)
     # the residual is at the gauge's own reading: at the mean it has what the axis adds
     shift = np.where(observed.present, evaluation.sensitivity[:, :, k] * off[:, None], 0.0)
@@ -159,13 +159,13 @@ class Predictor(ABC):
     observed: Observed
     branches: dict[tuple[int, int], int] = field(default_factory=dict, kw_only=True)
 
-    def machine(self, unknowns: Sequence[Coordinate], z: Array, hypothesis: Hypothesis) -> ModifiedChain:
+    def machine(self, unknowns: Sequence[FitParameter], z: Array, hypothesis: Hypothesis) -> ModifiedMachine:
         """The machine of a hypothesis."""
         return machine_of(self.observed, unknowns, z, hypothesis)
 
     @abstractmethod
     def evaluate(
-        self, unknowns: Sequence[Coordinate], z: Array, hypothesis: Hypothesis, beside: Array | None = None
+        self, unknowns: Sequence[FitParameter], z: Array, hypothesis: Hypothesis, beside: Array | None = None
     ) -> Evaluation:
         """Readings against a hypothesis; a little ``beside`` coordinates (n_z,) whose tables will do."""
 
@@ -177,9 +177,9 @@ class Predictor(ABC):
         """Whether a half-ray has a bifurcation within its reach, behind which readings could lie."""
         return False
 
-    def behind_bifurcation(self, unknowns: Sequence[Coordinate], z: Array, hypothesis: Hypothesis) -> np.ndarray:
+    def behind_bifurcation(self, unknowns: Sequence[FitParameter], z: Array, hypothesis: Hypothesis) -> np.ndarray:
         """Whether each reading ``(n,)`` is, of the machine of coordinates ``(n_z,)``."""
-        return np.zeros(len(self.observed.pose), dtype=bool)
+        return np.zeros(len(self.observed.imposed), dtype=bool)
 
 
 @dataclass
@@ -205,7 +205,7 @@ class Forward(Predictor):
         )
 
     def evaluate(
-        self, unknowns: Sequence[Coordinate], z: Array, hypothesis: Hypothesis, beside: Array | None = None
+        self, unknowns: Sequence[FitParameter], z: Array, hypothesis: Hypothesis, beside: Array | None = None
     ) -> Evaluation:
         """Readings against a hypothesis.
 
@@ -220,7 +220,7 @@ class Forward(Predictor):
         values = values_of(unknowns, z, hypothesis)
         errors = instrument_errors(unknowns, z, observed.slots)
         of_pose, of_wrench = drifted(observed, hypothesis, values)
-        place = errors.true_displacement(observed.pose - of_pose)
+        place = errors.true_displacement(observed.imposed - of_pose)
         own = own_effects(unknowns, z, hypothesis)
         for effect, v in own:
             place = effect.imposed(place, v)
@@ -251,11 +251,11 @@ class Forward(Predictor):
         for effect, v in own:
             turned = effect.imposed(turned, v)
         stiffness = stiffness @ turned.T
-        residual = errors.residual(observed.wrench - of_wrench, wrench)
+        residual = errors.residual(observed.measured - of_wrench, wrench)
         return Evaluation(z, residual, wrench, stiffness, place, errors, exact if local else None)
 
     def _slope(
-        self, unknowns: Sequence[Coordinate], z: Array, hypothesis: Hypothesis, machine: ModifiedChain,
+        self, unknowns: Sequence[FitParameter], z: Array, hypothesis: Hypothesis, machine: ModifiedMachine,
         wrench: Array, stiffness: Array, i: int,
     ) -> Array | None:  # fmt: skip
         """Derivative ``(n, 6)`` of the residuals by coordinate ``i`` of what deflects in series; else None.
@@ -273,10 +273,10 @@ class Forward(Predictor):
 
     def _lookup(
         self,
-        machine: ModifiedChain,
+        machine: ModifiedMachine,
         own: Sequence[tuple[Effect, Sequence[float]]],
         place: Array,
-        reference: ModifiedChain | None = None,
+        reference: ModifiedMachine | None = None,
     ) -> tuple[Sheaf, list[OnRay]]:
         """The tables of all rays, to be looked up by displacement, and the rays' tables of both signs.
 
@@ -305,9 +305,9 @@ class Forward(Predictor):
         sheaf = Sheaf([table for _, _, *two, _ in tables for table in two], both, measures, along)
         return sheaf, [(index, measure, up, down) for index, measure, up, down, _ in tables]
 
-    def behind_bifurcation(self, unknowns: Sequence[Coordinate], z: Array, hypothesis: Hypothesis) -> np.ndarray:
+    def behind_bifurcation(self, unknowns: Sequence[FitParameter], z: Array, hypothesis: Hypothesis) -> np.ndarray:
         """Whether each reading ``(n,)`` lies behind a bifurcation of the machine of coordinates ``(n_z,)``."""
-        place = instrument_errors(unknowns, z, self.observed.slots).true_displacement(self.observed.pose)
+        place = instrument_errors(unknowns, z, self.observed.slots).true_displacement(self.observed.imposed)
         _, tables = self._lookup(self.machine(unknowns, z, hypothesis), own_effects(unknowns, z, hypothesis), place)
         result = np.zeros(len(place), dtype=bool)
         for index, measure, up, down in tables:
@@ -336,7 +336,9 @@ class Forward(Predictor):
             self._known_ramps[branches] = _ramps(self.observed, branches, at_readings=self.at_readings)
         return self._known_ramps[branches]
 
-    def _table(self, machine: ModifiedChain, half: HalfRay, reference: ModifiedChain | None = None) -> PathTable:
+    def _table(
+        self, machine: ModifiedMachine, half: HalfRay, reference: ModifiedMachine | None = None
+    ) -> PathTable:
         near = None if reference is None or reference.key == machine.key else reference.key
         for key in ((machine.key, half, None), (machine.key, half, near)):
             if key in self._tables:
@@ -351,7 +353,7 @@ class Forward(Predictor):
             self._tables.popitem(last=False)
         return table
 
-    def _pulls(self, machine: ModifiedChain, half: HalfRay) -> AxialSigns:
+    def _pulls(self, machine: ModifiedMachine, half: HalfRay) -> AxialSigns:
         """What a ramp does to each part that differs between pull and push."""
         key = half.posture, tuple(np.round(half.direction, 3).tolist())
         if key not in self._known_pulls:
@@ -395,7 +397,7 @@ def _ramps(observed: Observed, branches: Sequence[tuple[int, int]], *, at_readin
             r for r in observed.rays if r.posture == ray.posture and np.array_equal(r.direction, ray.direction)
         ]
         # one length for all runs along one ray
-        s = np.concatenate([observed.pose[r.index] @ r.measure for r in alike])
+        s = np.concatenate([observed.imposed[r.index] @ r.measure for r in alike])
         up, down = (
             max(float((sign * s).max()) * MARGIN, 0.0) + 0.02 * float(np.abs(s).max()) + 1e-3 for sign in (1, -1)
         )
@@ -406,7 +408,7 @@ def _ramps(observed: Observed, branches: Sequence[tuple[int, int]], *, at_readin
 
 
 def deflected(
-    unknowns: Sequence[Coordinate], z: Array, hypothesis: Hypothesis, machine: ModifiedChain, i: int,
+    unknowns: Sequence[FitParameter], z: Array, hypothesis: Hypothesis, machine: ModifiedMachine, i: int,
     by: Callable[[Sequence[SeriesElement]], Array],
 ) -> tuple[Array, float] | None:  # fmt: skip
     """What elements deflect more from one side of coordinate ``i`` to the other, and how far these lie apart.
@@ -427,7 +429,7 @@ def deflected(
 
 def drifted(observed: Observed, hypothesis: Hypothesis, values: Sequence[Sequence[float]]) -> tuple[Array, Array]:
     """What drift adds to readings of what was imposed ``(n, 6)``, and of what was read ``(n, m)``."""
-    imposed, read = np.zeros_like(observed.pose), np.zeros_like(observed.wrench)
+    imposed, read = np.zeros_like(observed.imposed), np.zeros_like(observed.measured)
     for effect, v in zip(hypothesis, values, strict=True):
         if not isinstance(effect, ThermalDrift):
             continue
@@ -442,7 +444,7 @@ def drifted(observed: Observed, hypothesis: Hypothesis, values: Sequence[Sequenc
 
 
 def own_effects(
-    unknowns: Sequence[Coordinate], z: Array, hypothesis: Hypothesis
+    unknowns: Sequence[FitParameter], z: Array, hypothesis: Hypothesis
 ) -> list[tuple[Effect, list[float]]]:
     """The effects that free no nuisance, with their values."""
     values = values_of(unknowns, z, hypothesis)
@@ -465,10 +467,10 @@ def _turned(before: Array, after: Array) -> Array:
 
 
 def machine_of(
-    observed: Observed, unknowns: Sequence[Coordinate], z: Array, hypothesis: Hypothesis
-) -> ModifiedChain:
+    observed: Observed, unknowns: Sequence[FitParameter], z: Array, hypothesis: Hypothesis
+) -> ModifiedMachine:
     """The nominal machine with the nuisances and effects of a hypothesis."""
-    machine = ModifiedChain(observed.measurement.chain, observed.measurement.engine)
+    machine = ModifiedMachine(observed.measurement.chain, observed.measurement.engine)
     for c, value in zip(unknowns, z, strict=True):
         if c.kind == "modulus":
             machine = machine.times(c.subject, 1.0 / (1.0 + c.value(value)))
@@ -480,7 +482,7 @@ def machine_of(
     return machine
 
 
-def values_of(unknowns: Sequence[Coordinate], z: Array, hypothesis: Hypothesis) -> list[list[float]]:
+def values_of(unknowns: Sequence[FitParameter], z: Array, hypothesis: Hypothesis) -> list[list[float]]:
     """Each effect's values; a released nuisance's own value, as its cause reports it."""
     result: list[list[float]] = []
     for i, effect in enumerate(hypothesis):

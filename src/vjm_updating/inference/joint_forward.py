@@ -18,7 +18,7 @@ from vjm.rotations import Array
 from vjm_updating.constants import numerical, physical_bound, prior_scale
 from vjm_updating.experiment.comparison import levers_of, stiffness_of
 from vjm_updating.inference.forward import Predictor, deflected, drifted, own_effects, values_of
-from vjm_updating.inference.parameters import Coordinate, Evaluation, Hypothesis, instrument_errors
+from vjm_updating.inference.parameters import Evaluation, FitParameter, Hypothesis, instrument_errors
 from vjm_updating.mechanisms.drives import (
     BEFORE_JOINTS,
     RATIO,
@@ -339,7 +339,7 @@ class JointForward(Predictor):
     """Predicts loads of one joint; it has no bifurcation."""
 
     def evaluate(
-        self, unknowns: Sequence[Coordinate], z: Array, hypothesis: Hypothesis, beside: Array | None = None
+        self, unknowns: Sequence[FitParameter], z: Array, hypothesis: Hypothesis, beside: Array | None = None
     ) -> Evaluation:
         """Readings against a hypothesis.
 
@@ -351,7 +351,7 @@ class JointForward(Predictor):
         errors = instrument_errors(unknowns, z, observed.slots, observed.columns)
         values = values_of(unknowns, z, hypothesis)
         of_pose, of_read = drifted(observed, hypothesis, values)
-        place = errors.true_displacement(observed.pose - of_pose)
+        place = errors.true_displacement(observed.imposed - of_pose)
         machine = self.machine(unknowns, z, hypothesis)
         moved = of_motion * place[:, 0]
         own = own_effects(unknowns, z, hypothesis)
@@ -382,13 +382,13 @@ class JointForward(Predictor):
             change = (of_load * slope * more[0] / more[1])[:, None]
             return np.where(observed.present, errors.gain * change, 0.0)
 
-        residual = errors.residual(observed.wrench - of_read, read)
+        residual = errors.residual(observed.measured - of_read, read)
         return Evaluation(z, residual, read, stiffness, place, errors, exact)
 
     def _history(self, lever: float) -> History:
         """Readings in one sequence; a unit of the joint's own motion moves a point at the lever."""
         observed = self.observed
-        n = len(observed.pose)
+        n = len(observed.imposed)
         begins = np.zeros(n, dtype=bool)
         begins[:1] = True
         still = np.zeros((n, 3))

@@ -21,10 +21,10 @@ from vjm_updating.constants import numerical
 from vjm_updating.experiment import Kind
 from vjm_updating.experiment.comparison import Ray, gauges_of
 from vjm_updating.inference.forward import MARGIN, Predictor, drifted, own_effects, values_of
-from vjm_updating.inference.parameters import Coordinate, Evaluation, Hypothesis, instrument_errors
+from vjm_updating.inference.parameters import Evaluation, FitParameter, Hypothesis, instrument_errors
 from vjm_updating.mechanisms.effect import Effect
 from vjm_updating.mechanisms.equilibrium_tables import Gauge, HalfRay, LoadedEquilibria, load_table
-from vjm_updating.mechanisms.modified_chain import ModifiedChain, links_of
+from vjm_updating.mechanisms.modified_chain import ModifiedMachine, links_of
 from vjm_updating.mechanisms.relaxation import Relaxation
 from vjm_updating.mechanisms.series_elements import (
     AboutAxis,
@@ -56,7 +56,7 @@ class LoadForward(Predictor):
     _tables: OrderedDict[tuple[object, ...], LoadedEquilibria] = field(default_factory=OrderedDict)
 
     def evaluate(
-        self, unknowns: Sequence[Coordinate], z: Array, hypothesis: Hypothesis, beside: Array | None = None
+        self, unknowns: Sequence[FitParameter], z: Array, hypothesis: Hypothesis, beside: Array | None = None
     ) -> Evaluation:
         """Readings against a hypothesis; equilibria are solved anew whatever lies ``beside``.
 
@@ -67,7 +67,7 @@ class LoadForward(Predictor):
         machine = self.machine(unknowns, z, hypothesis)
         errors = instrument_errors(unknowns, z, observed.slots, observed.columns)
         of_loads, of_gauges = drifted(observed, hypothesis, values_of(unknowns, z, hypothesis))
-        load = errors.true_displacement(observed.pose - of_loads)
+        load = errors.true_displacement(observed.imposed - of_loads)
         own = own_effects(unknowns, z, hypothesis)
         for effect, v in own:
             load = effect.imposed(load, v)
@@ -97,7 +97,7 @@ class LoadForward(Predictor):
         turned = np.eye(6)
         for effect, v in own:
             turned = effect.imposed(turned, v)
-        residual = errors.residual(observed.wrench - of_gauges, reading)
+        residual = errors.residual(observed.measured - of_gauges, reading)
 
         def exact(i: int) -> Array | None:
             """By a beam's modulus: of the logarithm of its compliance the negative."""
@@ -105,13 +105,15 @@ class LoadForward(Predictor):
             if not self.whole_beams or c.kind != Kind.MODULUS or c.subject not in beams:
                 return None
             slope = errors.gain * by_beam[:, :, beams.index(c.subject)] * c.scale
-            return np.where(np.isnan(observed.wrench), 0.0, slope)
+            return np.where(np.isnan(observed.measured), 0.0, slope)
 
         return Evaluation(z, residual, reading, compliance @ turned.T, load, errors, exact)
 
-    def _lookup(self, machine: ModifiedChain, own: Sequence[tuple[Effect, Sequence[float]]], load: Array) -> Found:
+    def _lookup(
+        self, machine: ModifiedMachine, own: Sequence[tuple[Effect, Sequence[float]]], load: Array
+    ) -> Found:
         """Equilibria under loads ``(n, 6)``; linear off the rays."""
-        n, m = self.observed.wrench.shape
+        n, m = self.observed.measured.shape
         beams = len(machine.nominal.beams)
         shapes = (m,), (m, 6), (m, 6), (6,), (6, 6), (m, beams)
         result = tuple([np.zeros((n, *shape)) for shape in shapes])
@@ -151,10 +153,10 @@ class LoadForward(Predictor):
         alike = [
             r for r in self.observed.rays if r.posture == ray.posture and np.array_equal(r.direction, ray.direction)
         ]
-        s = sign * np.concatenate([self.observed.pose[r.index] @ r.measure for r in alike])
+        s = sign * np.concatenate([self.observed.imposed[r.index] @ r.measure for r in alike])
         return max(float(s.max()) * MARGIN, 0.02 * float(np.abs(s).max()))
 
-    def _table(self, machine: ModifiedChain, half: HalfRay) -> LoadedEquilibria:
+    def _table(self, machine: ModifiedMachine, half: HalfRay) -> LoadedEquilibria:
         key = machine.key, half
         if key not in self._tables:
             pulls = machine.axial_signs(half.posture, np.array(half.direction[:3])) if machine.asymmetry else ()
@@ -183,7 +185,7 @@ class LoadForward(Predictor):
     @cached_property
     def _arms(self) -> Array:
         """From the end-effector to each gauge's point ``(n, m, 3)`` in the unloaded posture, mm."""
-        machine = ModifiedChain(self.observed.measurement.chain, self.observed.measurement.engine)
+        machine = ModifiedMachine(self.observed.measurement.chain, self.observed.measurement.engine)
         labels = self.observed.readings.posture.tolist()
         arms = {}
         for label in dict.fromkeys(labels):
@@ -191,7 +193,7 @@ class LoadForward(Predictor):
             k = model.kinematics(model.configuration(model.chain.posture(label)))
             lever_arms = []
             for gauge in self._gauges:
-                joint, offset = model.find(gauge.body, gauge.at)
+                joint, offset = model.find(gauge.body, gauge.fraction)
                 T = k.behind[joint + 1]
                 lever_arms.append(T[:3, 3] + T[:3, :3] @ offset - k.end[:3, 3])
             arms[label] = np.array(lever_arms)

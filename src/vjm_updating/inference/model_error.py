@@ -98,18 +98,18 @@ JUMPS = numerical(8)
 
 def driven_place(observed: Observed) -> Array:
     """Each reading's place on its ray over the ray's length ``(n,)``, signed."""
-    place = np.zeros(len(observed.pose))
+    place = np.zeros(len(observed.imposed))
     for ray in observed.rays:
-        s = observed.pose[ray.index] @ ray.measure
+        s = observed.imposed[ray.index] @ ray.measure
         place[ray.index] = s / max(float(np.abs(s).max()), 1e-12)
     return place
 
 
 def place_noise(observed: Observed) -> Array:
     """Standard deviation of each reading's place ``(n,)``."""
-    result = np.zeros(len(observed.pose))
+    result = np.zeros(len(observed.imposed))
     for ray in observed.rays:
-        s = observed.pose[ray.index] @ ray.measure
+        s = observed.imposed[ray.index] @ ray.measure
         spread = float(np.linalg.norm(ray.measure * observed.noise.pose))
         result[ray.index] = spread / max(float(np.abs(s).max()), 1e-12)
     return result

@@ -30,7 +30,7 @@ from vjm_updating.inference.significance import (
     median_sigma,
 )
 from vjm_updating.mechanisms.joint_motions import motions_of_readings
-from vjm_updating.mechanisms.modified_chain import ModifiedChain, links_of
+from vjm_updating.mechanisms.modified_chain import ModifiedMachine, links_of
 from vjm_updating.mechanisms.series_elements import History
 
 ASSUMED_AUTOCORRELATION = prior_scale(0.8)
@@ -285,15 +285,15 @@ class Observed:
     Of a ramp displacements are imposed and the wrench is read; of a test by force it is the reverse.
 
     Attributes:
-        pose: displacements ``(n, 6)``, mm, rad: as read, or where they are `straightened` as commanded; of a test
-            by force the loads, N, N mm.
-        wrench: as read ``(n, m)``, N, N mm; nan where there is no reading, or an outlier; of a test by force the
+        imposed: displacements ``(n, 6)``, mm, rad: as read, or where they are `straightened` as commanded; of a
+            test by force the loads, N, N mm.
+        measured: as read ``(n, m)``, N, N mm; nan where there is no reading, or an outlier; of a test by force the
             displacements, mm, rad.
         rays: of the readings, by posture and run.
         clock: s since the first reading ``(n,)``, or None.
         warmth: K above the first reading ``(n,)``, or None.
         slots: index of the displacement that each of its channels is; of a test by force, of the load.
-        columns: names of the m channels of ``wrench``.
+        columns: names of the m channels of ``measured``.
         outliers: number of samples left out as outliers.
         steady: how displacements were commanded, by their index among the six; of others what was read.
         zeros: bounds of a channel's zero, in its own unit, where readings without load show it.
@@ -301,8 +301,8 @@ class Observed:
 
     measurement: Measurement
     readings: Readings
-    pose: Array
-    wrench: Array
+    imposed: Array
+    measured: Array
     noise: Noise
     rays: tuple[Ray, ...]
     clock: Array | None
@@ -325,7 +325,7 @@ class Observed:
     @property
     def present(self) -> np.ndarray:
         """Which samples count ``(n, m)``."""
-        return ~np.isnan(self.wrench)
+        return ~np.isnan(self.measured)
 
     @property
     def wrench_channels(self) -> list[str]:
@@ -347,7 +347,7 @@ class Observed:
     @property
     def pose_noise(self) -> Array:
         """Standard deviation ``(n, 6)`` of each displacement, what is not known of straight lines aside."""
-        result = np.tile(self.noise.pose, (len(self.pose), 1))
+        result = np.tile(self.noise.pose, (len(self.imposed), 1))
         for k, own in self.steady.items():
             result[:, k] *= np.sqrt(own.moved)
         return result
@@ -384,20 +384,20 @@ class Observed:
     def history(self) -> History:
         """The same of the machine displaced as it was, where displacements were imposed."""
         rays = [
-            (ray.posture, ray.direction, ray.measure, ray.index, self.pose[ray.index] @ ray.measure)
+            (ray.posture, ray.direction, ray.measure, ray.index, self.imposed[ray.index] @ ray.measure)
             for ray in self.rays
         ]
         motions, loaded = motions_of_readings(self._machine, self.readings.posture.tolist(), rays)
-        lever = self.unloaded.lever + self.pose[:, :3]
+        lever = self.unloaded.lever + self.imposed[:, :3]
         return replace(self.unloaded, lever=lever, joints=motions, loaded=loaded)
 
     @property
-    def _machine(self) -> ModifiedChain:
-        return ModifiedChain(self.measurement.chain, self.measurement.engine)
+    def _machine(self) -> ModifiedMachine:
+        return ModifiedMachine(self.measurement.chain, self.measurement.engine)
 
     def without(self, outliers: np.ndarray) -> Observed:
         """The same with samples ``(n, 6)`` left out."""
-        return replace(self, wrench=np.where(outliers, np.nan, self.wrench), outliers=int(outliers.sum()))
+        return replace(self, measured=np.where(outliers, np.nan, self.measured), outliers=int(outliers.sum()))
 
 
 def observe(measurement: Measurement) -> Observed:
@@ -436,9 +436,9 @@ def straightened(observed: Observed) -> Observed:
     driven = list(observed.slots.values())
     if observed.measurement.sheet.test.control != "displacement" or len(driven) != 1:
         return observed
-    readings, noise, pose, k = observed.readings, observed.noise, observed.pose, driven[0]
+    readings, noise, pose, k = observed.readings, observed.noise, observed.imposed, driven[0]
     times = [readings.row.astype(float)] if observed.clock is None else [observed.clock, readings.row.astype(float)]
-    path = steadiest(readings.sequence, times, pose[:, k], float(noise.pose[k]), observed.wrench, noise.wrench)
+    path = steadiest(readings.sequence, times, pose[:, k], float(noise.pose[k]), observed.measured, noise.wrench)
     if path is None:
         return observed
     return commanded(observed, {k: path})
@@ -446,11 +446,11 @@ def straightened(observed: Observed) -> Observed:
 
 def commanded(observed: Observed, steady: Mapping[int, RampRegression]) -> Observed:
     """The same with displacements, by their index, as they were commanded, and the rays of those."""
-    pose = observed.pose.copy()
+    pose = observed.imposed.copy()
     for k, path in steady.items():
         pose[:, k] = path.regressed(pose[:, k])
     commanded_rays = _rays(observed.measurement, observed.readings, pose, observed.noise)
-    return replace(observed, pose=pose, rays=commanded_rays, steady=dict(steady))
+    return replace(observed, imposed=pose, rays=commanded_rays, steady=dict(steady))
 
 
 def planned(observed: Observed, posture: str, axis: Array, ramp: Array) -> Observed:
@@ -465,8 +465,8 @@ def planned(observed: Observed, posture: str, axis: Array, ramp: Array) -> Obser
     return replace(
         observed,
         readings=Readings("next", np.arange(n), np.full(n, posture), np.ones(n, dtype=int), values),
-        pose=pose,
-        wrench=np.where(observed.present.any(axis=0), 0.0, np.nan) * np.ones((n, 1)),
+        imposed=pose,
+        measured=np.where(observed.present.any(axis=0), 0.0, np.nan) * np.ones((n, 1)),
         rays=(Ray(posture, axis, axis, np.arange(n)),),
         clock=None,
         warmth=None,

@@ -30,7 +30,7 @@ from vjm_updating.mechanisms.structure import FootCompliance, LinkCompliance, Li
 
 
 @dataclass(frozen=True)
-class Coordinate:
+class FitParameter:
     """One number z that a fit looks for, in units of ``scale``.
 
     Attributes:
@@ -70,13 +70,13 @@ class Coordinate:
         return (float(np.log1p(value)) if self.kind in (Kind.MODULUS, Kind.MASS) else value) / self.scale
 
 
-def uncertain(unknowns: Sequence[Coordinate]) -> np.ndarray:
+def uncertain(unknowns: Sequence[FitParameter]) -> np.ndarray:
     """Which of coordinates ``(n_z,)`` the sheet does not give exactly."""
     return np.array([c.sigma != 0.0 for c in unknowns], dtype=bool)
 
 
 def instrument_errors(
-    unknowns: Sequence[Coordinate], z: Array, slots: Mapping[str, int], columns: tuple[str, ...] = WRENCH
+    unknowns: Sequence[FitParameter], z: Array, slots: Mapping[str, int], columns: tuple[str, ...] = WRENCH
 ) -> InstrumentErrors:
     """Zeros and scales among coordinates ``(n_z,)``.
 
@@ -96,7 +96,7 @@ class Evaluation:
     Attributes:
         z: unknowns ``(n_z,)``.
         residual: reading minus prediction ``(n, 6)``, N, N mm; zero where there is no reading.
-        wrench: of the machine ``(n, 6)``, N, N mm.
+        prediction: of the machine ``(n, 6)``, N, N mm.
         stiffness: its derivative by the displacement ``(n, 6, 6)``.
         place: true displacements ``(n, 6)``, mm, rad.
         exact: derivative ``(n, 6)`` of the residuals by the coordinate of an index, where a model knows it; None
@@ -105,7 +105,7 @@ class Evaluation:
 
     z: Array
     residual: Array
-    wrench: Array
+    prediction: Array
     stiffness: Array
     place: Array
     errors: InstrumentErrors
@@ -122,10 +122,10 @@ class Evaluation:
         ``kind`` is `Kind.ZERO` or `Kind.SCALE`; ``slots`` has the displacement's components by channel. Residuals
         do not depend on channels that are neither of the wrench nor of these.
         """
-        result = np.zeros(self.wrench.shape)
+        result = np.zeros(self.prediction.shape)
         if channel in self.errors.columns:
             k = self.errors.columns.index(channel)
-            result[:, k] = -1.0 if kind == Kind.ZERO else -self.wrench[:, k]
+            result[:, k] = -1.0 if kind == Kind.ZERO else -self.prediction[:, k]
         elif channel in slots:
             k = slots[channel]
             result = self.sensitivity[:, :, k] * (1.0 if kind == Kind.ZERO else self.place[:, [k]])
@@ -149,7 +149,7 @@ USUAL = prior_scale({Kind.SCALE: 0.01, Kind.MODULUS: 0.02, Kind.LENGTH: 0.2, Kin
 
 
 @dataclass(frozen=True, kw_only=True)
-class EffectCoordinate(Coordinate):
+class EffectParameter(FitParameter):
     """Of a quantity of an effect."""
 
     quantity: Quantity
@@ -210,7 +210,7 @@ def linear(effect: Effect) -> bool:
     return isinstance(effect, InstrumentZero | InstrumentScale | ThermalDrift)
 
 
-def alternative_starts(effect: Effect, nuisances: Sequence[Coordinate], begin: Array) -> list[Array]:
+def alternative_starts(effect: Effect, nuisances: Sequence[FitParameter], begin: Array) -> list[Array]:
     """Starts ``(m,)`` from a stiffness far off, besides ``begin``: of a bar's there may be several optima.
 
     A softer bar has its critical point within the readings, a stiffer one has none there, and no step leads across.
@@ -246,7 +246,7 @@ def usual_shapes(effect: Effect, values: Sequence[float]) -> list[float]:
     ]
 
 
-def nuisance_coordinates(observed: Observed) -> list[Coordinate]:
+def nuisance_coordinates(observed: Observed) -> list[FitParameter]:
     """Every nuisance that there could be; those that the sheet does not allow are fixed at zero."""
     measurement = observed.measurement
     channels = (*observed.pose_channels, *observed.wrench_channels)
@@ -256,7 +256,7 @@ def nuisance_coordinates(observed: Observed) -> list[Coordinate]:
     ]
 
 
-def _coordinate(nuisance: Nuisance, observed: Observed) -> Coordinate:
+def _coordinate(nuisance: Nuisance, observed: Observed) -> FitParameter:
     kind, subject = nuisance.kind, nuisance.subject
     scale = nuisance.sigma or (size_of(subject) if kind is Kind.ZERO else USUAL[kind])
     most = FARTHEST * scale
@@ -275,10 +275,10 @@ def _coordinate(nuisance: Nuisance, observed: Observed) -> Coordinate:
     if kind is Kind.ZERO:
         low, high = observed.zeros.get(subject, (low, high))
     spread = 1.0 if nuisance.sigma > 0.0 else 0.0
-    return Coordinate(nuisance.name, kind, subject, scale, 0.0, spread, low / scale, high / scale)
+    return FitParameter(nuisance.name, kind, subject, scale, 0.0, spread, low / scale, high / scale)
 
 
-def coordinates(nuisances: Sequence[Coordinate], hypothesis: Hypothesis) -> list[Coordinate]:
+def coordinates(nuisances: Sequence[FitParameter], hypothesis: Hypothesis) -> list[FitParameter]:
     """The coordinates of a hypothesis: the nuisances first, then its effects' quantities in their order."""
     free = {release_key(effect) for effect in hypothesis}
     unknowns = [c if (c.kind, c.subject) not in free else replace(c, mean=0.0, sigma=np.inf) for c in nuisances]
@@ -289,7 +289,7 @@ def coordinates(nuisances: Sequence[Coordinate], hypothesis: Hypothesis) -> list
             mean = q.coordinate(q.usual) if q.log or np.isfinite(q.spread) else 0.0
             sigma = q.spread if q.log else q.spread / q.scale
             unknowns.append(
-                EffectCoordinate(
+                EffectParameter(
                     name=f"{effect.label} {q.name}",
                     kind="effect",
                     subject=str(i),
@@ -304,13 +304,13 @@ def coordinates(nuisances: Sequence[Coordinate], hypothesis: Hypothesis) -> list
     return unknowns
 
 
-def of_effect(unknowns: Sequence[Coordinate], number: int) -> list[int]:
+def of_effect(unknowns: Sequence[FitParameter], number: int) -> list[int]:
     """Indices of an effect's coordinates, by its place in the hypothesis: those of its size before its shape's."""
     return [i for i, c in enumerate(unknowns) if c.kind == "effect" and c.subject == str(number)]
 
 
 def start(
-    unknowns: Sequence[Coordinate], hypothesis: Hypothesis, nuisances: Array, values: Sequence[Sequence[float]]
+    unknowns: Sequence[FitParameter], hypothesis: Hypothesis, nuisances: Array, values: Sequence[Sequence[float]]
 ) -> Array:
     """Coordinates ``(n_z,)`` from nuisances' ``(m,)`` and each effect's values."""
     z = [*nuisances.tolist()]

@@ -16,12 +16,12 @@ from scipy.special import betaincinv, logsumexp, ndtri
 from vjm.rotations import Array
 from vjm_updating.constants import numerical, prior_scale, tuned
 from vjm_updating.inference.bounded_normal import bounded_step
-from vjm_updating.inference.fitting import Fit, Fitter, Whitening, best_fit
+from vjm_updating.inference.fitting import Fit, LeastSquaresProblem, Whitening, best_fit
 from vjm_updating.inference.forward import values_of
 from vjm_updating.inference.model_error import driven_place, smooth_shapes
 from vjm_updating.inference.noise import AutoregressiveNoise
 from vjm_updating.inference.observed import Observed
-from vjm_updating.inference.parameters import Coordinate, Evaluation, Hypothesis
+from vjm_updating.inference.parameters import Evaluation, FitParameter, Hypothesis
 from vjm_updating.inference.significance import FALSE_ALARMS, NOISE_KNOWN, drawn_sf, level, median_sigma, too_many
 
 LONELY, APART = tuned(1.5), tuned(3.0)
@@ -90,7 +90,7 @@ def loads(observed: Observed, residual: Array) -> Array:
 
     ``residual`` (n, 6) is reading minus model, of every reading.
     """
-    return (observed.wrench - residual) / observed.noise.wrench
+    return (observed.measured - residual) / observed.noise.wrench
 
 
 def outlying(observed: Observed, whitening: Whitening, residual: Array, known: Array, load: Array) -> Array:
@@ -364,7 +364,11 @@ Without = Callable[[Observed, np.ndarray], Observed]
 
 
 def leave_out(
-    fitter: Fitter, without: Without, everything: Observed, outliers: np.ndarray, evaluation: Evaluation
+    fitter: LeastSquaresProblem,
+    without: Without,
+    everything: Observed,
+    outliers: np.ndarray,
+    evaluation: Evaluation,
 ) -> None:
     """Go on without outliers ``(n, 6)``, where the kind of test leaves any out."""
     kept = without(everything, outliers)
@@ -373,16 +377,16 @@ def leave_out(
     fitter.weigh(evaluation)
 
 
-def refit(fitter: Fitter, without: Without, everything: Observed, best: Fit) -> Fit:
+def refit(fitter: LeastSquaresProblem, without: Without, everything: Observed, best: Fit) -> Fit:
     """The best fit of the same causes without its outliers; autocorrelation and branches are found about it.
 
     The fitter goes on with them.
     """
-    leave_out(fitter, without, everything, np.zeros_like(everything.present), best.at)
-    whole = fitter.evaluate(best.found, best.at.z, best.hypothesis)
+    leave_out(fitter, without, everything, np.zeros_like(everything.present), best.evaluation)
+    whole = fitter.evaluate(best.parameters, best.evaluation.z, best.hypothesis)
     # of samples left out a fit does not say what should have been read
     load = np.zeros(everything.present.shape) if whole is None else loads(everything, whole.residual)
-    evaluation = whole or best.at
+    evaluation = whole or best.evaluation
     m = len(fitter.nuisances)
     fit: Fit | None = None
     flagged, accidents = np.zeros(everything.present.shape), np.ones(everything.present.shape[1], dtype=bool)
@@ -398,19 +402,19 @@ def refit(fitter: Fitter, without: Without, everything: Observed, best: Fit) -> 
         # outliers pull a fit and hide the noise's autocorrelation, and then their neighbours look like outliers
         fit = choose_branches(fitter, best_fit(fitter, best.hypothesis, evaluation.z[:m], best.values) or best)
         update_autocorrelation(fitter, fit, ())
-        evaluation = fit.at
+        evaluation = fit.evaluation
     return fit or best
 
 
-def update_autocorrelation(fitter: Fitter, base: Fit, changes: Sequence[Array]) -> None:
+def update_autocorrelation(fitter: LeastSquaresProblem, base: Fit, changes: Sequence[Array]) -> None:
     """Estimate the noise's autocorrelation; what effects or smooth shapes could explain does not count as noise.
 
     ``changes`` are what effects do to the readings (n, 6).
     """
     observed, whitening = fitter.forward.observed, fitter.whitening
     smooth, _ = smooth_shapes(observed)
-    sigma = np.array([c.sigma for c in base.found])
-    off = base.at.z - np.array([c.mean for c in base.found])
+    sigma = np.array([c.sigma for c in base.parameters])
+    off = base.evaluation.z - np.array([c.mean for c in base.parameters])
     known = (sigma > 0.0) & np.isfinite(sigma)
     J = whitening.instant(base.jacobian)
     shapes = [J[:, :, ~known], np.repeat(smooth[:, None, :], observed.present.shape[1], axis=1)]
@@ -418,7 +422,7 @@ def update_autocorrelation(fitter: Fitter, base: Fit, changes: Sequence[Array]) 
         shapes.append(whitening.instant(np.stack(changes, axis=-1)))
     sheet = J[:, :, known] * sigma[known]
     # as it were at the sheet's own values
-    instant = whitening.instant(base.at.residual) - J[:, :, known] @ off[known]
+    instant = whitening.instant(base.evaluation.residual) - J[:, :, known] @ off[known]
     sheet = np.concatenate([sheet, whitening.instant(whitening.slow)], axis=2)
     autoregression = estimate_autocorrelation(
         observed.autoregression, instant, np.concatenate(shapes, axis=2), observed.present, sheet
@@ -426,22 +430,22 @@ def update_autocorrelation(fitter: Fitter, base: Fit, changes: Sequence[Array]) 
     fitter.whitening = replace(whitening, autoregression=autoregression)
 
 
-def choose_branches(fitter: Fitter, base: Fit) -> Fit:
+def choose_branches(fitter: LeastSquaresProblem, base: Fit) -> Fit:
     """Turn each half-ray to the branch that its readings are on, where the model has a bifurcation there."""
     forward = fitter.forward
     best = base
     for number, ray in enumerate(forward.observed.rays):
-        s = forward.observed.pose[ray.index] @ ray.measure
+        s = forward.observed.imposed[ray.index] @ ray.measure
         for sign in (1, -1):
             if not forward.branched(ray, sign, float((sign * s).max())):
                 continue
             before = dict(forward.branches)
             forward.branches[number, sign] = -forward.branches.get((number, sign), 1)
-            evaluation = fitter.evaluate(best.found, best.at.z, best.hypothesis)
-            if evaluation is None or fitter.objective(best.found, evaluation) >= best.objective:
+            evaluation = fitter.evaluate(best.parameters, best.evaluation.z, best.hypothesis)
+            if evaluation is None or fitter.objective(best.parameters, evaluation) >= best.objective:
                 forward.branches = before
             else:
-                best = replace(best, at=evaluation, objective=fitter.objective(best.found, evaluation))
+                best = replace(best, evaluation=evaluation, objective=fitter.objective(best.parameters, evaluation))
     return best
 
 
@@ -457,39 +461,43 @@ DAMPING = numerical(1e-3)
 """Of the step by which other coordinates follow."""
 
 
-def begun_anew(fitter: Fitter, fit: Fit) -> Fit:
+def begun_anew(fitter: LeastSquaresProblem, fit: Fit) -> Fit:
     """A fit, or a better one of the same causes that begins elsewhere."""
     best = fit
-    for i, c in enumerate(fit.found):
+    for i, c in enumerate(fit.parameters):
         if c.kind != "effect" or not np.isfinite(c.sigma):
             continue
         z = _elsewhere(fitter, best, i)
         if z is None:
             continue
-        values = values_of(best.found, z, best.hypothesis)
+        values = values_of(best.parameters, z, best.hypothesis)
         other = best_fit(fitter, best.hypothesis, z[: len(fitter.nuisances)], values)
         if other is not None and other.objective < best.objective - fitter.rounding:
             best = other
     return best
 
 
-def _elsewhere(fitter: Fitter, fit: Fit, index: int) -> Array | None:
+def _elsewhere(fitter: LeastSquaresProblem, fit: Fit, index: int) -> Array | None:
     """Coordinates ``(n_z,)`` with a shape at its best place that is not next to its own; None where none stands."""
-    c, current = fit.found[index], float(fit.at.z[index])
+    c, current = fit.parameters[index], float(fit.evaluation.z[index])
     ends = max(c.low, c.mean - SPREADS * c.sigma), min(c.high, c.mean + SPREADS * c.sigma)
     places, apart = np.linspace(*ends, PLACES, retstep=True)
     least, best = np.inf, None
     for place in places[np.abs(places - current) > apart]:
-        z = fit.at.z.copy()
+        z = fit.evaluation.z.copy()
         z[index] = place
-        squares, followed = after_a_step(fitter, fit.hypothesis, fit.found, z, [index])
+        squares, followed = after_a_step(fitter, fit.hypothesis, fit.parameters, z, [index])
         if squares < least:
             least, best = squares, followed
     return best
 
 
 def after_a_step(
-    fitter: Fitter, hypothesis: Hypothesis, unknowns: Sequence[Coordinate], z: Array, held: Sequence[int] = ()
+    fitter: LeastSquaresProblem,
+    hypothesis: Hypothesis,
+    unknowns: Sequence[FitParameter],
+    z: Array,
+    held: Sequence[int] = (),
 ) -> tuple[float, Array]:
     """Squares one step from a place, infinite where the machine does not stand, and where ``(n_z,)`` that leads.
 

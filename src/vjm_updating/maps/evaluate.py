@@ -11,7 +11,7 @@ from typing import NamedTuple, assert_never
 import numpy as np
 
 from vjm.analysis import LoadedStiffness, of_free_end, stiffness
-from vjm.design.linear_state import LinearState, Question, question, state_in, state_of, with_doubts
+from vjm.design.linear_state import LinearState, Question, loaded_posture, state_in, state_of, with_doubts
 from vjm.design.modes import ModesVerdict, modes_of
 from vjm.design.shares import shares_of
 from vjm.engines import Engine, VjmEngine
@@ -283,7 +283,7 @@ def _of_design(setting: MapSetting, q: Array) -> tuple[Array, list[str], list[tu
     values, why, names = np.full((len(q), 1), np.nan), [OK] * len(q), [("", "")] * len(q)
     for row in range(len(q)):
         machine, label = setting.standing(q[row])
-        asked = question(
+        asked = loaded_posture(
             machine, label, wrench=setting.wrench, gravity=setting.gravity, loads=setting.loads, end=setting.end,
             engine=setting.engine,
         )  # fmt: skip
@@ -339,7 +339,7 @@ def _equilibria(setting: MapSetting, q: Array) -> tuple[Array, list[str]]:
     equilibria, doubtful = with_doubts(
         setting.model, q, gravity=setting.gravity, wrench=setting.on_ends, loads=setting.loads, compliance=stiff
     )
-    good = np.asarray(equilibria.found & equilibria.stable)
+    good = np.asarray(equilibria.converged & equilibria.stable)
     values = np.full((len(q), len(COLUMNS[setting.quantity])), np.nan)
     if stiff:
         assert equilibria.compliance is not None
@@ -348,7 +348,7 @@ def _equilibria(setting: MapSetting, q: Array) -> tuple[Array, list[str]]:
         values[good] = moved(equilibria.deflection[good, setting.index])
     why = [
         OK if stable else UNSTABLE if converged else LOST
-        for stable, converged in zip(good, equilibria.found, strict=True)
+        for stable, converged in zip(good, equilibria.converged, strict=True)
     ]
     for row in np.flatnonzero(doubtful):
         values[row], why[row] = _by_path(setting, q[row])

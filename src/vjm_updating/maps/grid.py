@@ -10,7 +10,7 @@ import numpy as np
 
 from vjm.machine.equilibria import unloaded_frames
 from vjm.machine.inverse_kinematics import ClosedPostures, ReachError, end_index, followed, ranges_of
-from vjm.machine.rigid_mechanism import Closing
+from vjm.machine.rigid_mechanism import LoopClosure
 from vjm.model.mechanism import Mechanism
 from vjm.rotations import Array, displacement_between, frame
 from vjm_updating.constants import physical_bound
@@ -195,7 +195,7 @@ def _at_places(model: Mechanism, positions: Array, home: Array, index: int) -> t
     return rows, [each.removeprefix(f"{model.chain.name}: ") for each in why]
 
 
-def _closed_at(model: Mechanism, positions: Array, closing: Closing, *, turns: bool) -> tuple[Array, list[str]]:
+def _closed_at(model: Mechanism, positions: Array, closing: LoopClosure, *, turns: bool) -> tuple[Array, list[str]]:
     """The same of a machine with closed loops, all places at once."""
     ways = np.array([displacement_between(closing.end, frame(closing.end[:3, :3], p)) for p in positions])
     rows, why = closing.all_displaced(ways, (True,) * 3 + (turns,) * 3)

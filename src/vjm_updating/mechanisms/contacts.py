@@ -10,8 +10,8 @@ import numpy as np
 from vjm.rotations import Array
 from vjm_updating.constants import numerical, prior_scale
 from vjm_updating.mechanisms.drives import BEFORE_JOINTS, DriveSite, InDrive, drives
-from vjm_updating.mechanisms.effect import Effect, Quantity, Scene, along_link, drive
-from vjm_updating.mechanisms.modified_chain import ModifiedChain
+from vjm_updating.mechanisms.effect import Effect, Quantity, TestContext, along_link, drive
+from vjm_updating.mechanisms.modified_chain import ModifiedMachine
 from vjm_updating.mechanisms.series_elements import ElementSite, SeriesElement, memoryless
 
 BLUNT = numerical(0.5, "N")
@@ -43,7 +43,7 @@ class ContactCompliance(Effect):
         """Hertz's, and rougher and smoother contacts."""
         return [(0.01, 2.0 / 3.0), (0.01, 0.4), (0.05, 2.0 / 3.0)]
 
-    def elements(self, machine: ModifiedChain, values: Sequence[float]) -> tuple[SeriesElement, ...]:
+    def elements(self, machine: ModifiedMachine, values: Sequence[float]) -> tuple[SeriesElement, ...]:
         """One element with that law."""
         size, p = values
 
@@ -58,7 +58,7 @@ class ContactCompliance(Effect):
         return (SeriesElement(place, memoryless(law)),)
 
 
-def contact_compliance_effects(scene: Scene) -> list[Effect]:
+def contact_compliance_effects(scene: TestContext) -> list[Effect]:
     """In the drive's bearings, and in those of each link's joints."""
     effects: list[Effect] = [ContactCompliance("actuator")] if scene.machine.drive_axis is not None else []
     return [*effects, *(ContactCompliance(part or "joints", link) for part, link in scene.places(jointed=True))]
@@ -166,12 +166,12 @@ class JointClearance(Effect):
         """Small and large ones, hard and soft."""
         return travels()
 
-    def elements(self, machine: ModifiedChain, values: Sequence[float]) -> tuple[SeriesElement, ...]:
+    def elements(self, machine: ModifiedMachine, values: Sequence[float]) -> tuple[SeriesElement, ...]:
         """One element."""
         return (play(along_link(machine, self.link), values, self.force),)
 
 
-def lost_motion_effects(scene: Scene) -> list[Effect]:
+def lost_motion_effects(scene: TestContext) -> list[Effect]:
     """In every drive, and along each link that has a joint."""
     effects: list[Effect] = [ActuatorBacklash(own.force, own.part, own) for own in drives(scene)]
     return [*effects, *(JointClearance(scene.force, part, link) for part, link in scene.places(jointed=True))]

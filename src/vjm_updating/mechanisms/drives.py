@@ -18,9 +18,9 @@ from vjm.model.machine import FOOT, Machine
 from vjm.model.parts import Joint, JointKind, Part
 from vjm.rotations import Array
 from vjm_updating.constants import prior_scale
-from vjm_updating.mechanisms.effect import SAME, Effect, Quantity, Scene, drive, part_table
+from vjm_updating.mechanisms.effect import SAME, Effect, Quantity, TestContext, drive, part_table
 from vjm_updating.mechanisms.joint_motions import braced, joint_motions
-from vjm_updating.mechanisms.modified_chain import LINK, NEITHER, ModifiedChain, foot_of, links_of, place_of
+from vjm_updating.mechanisms.modified_chain import LINK, NEITHER, ModifiedMachine, foot_of, links_of, place_of
 from vjm_updating.mechanisms.series_elements import AtJoint, ElementSite, SeriesElement, memoryless
 from vjm_updating.mechanisms.structure import FACTOR
 
@@ -55,7 +55,7 @@ class DriveSite:
     matters: float = USUAL
     force: float = 1000.0
 
-    def place(self, machine: ModifiedChain) -> ElementSite:
+    def place(self, machine: ModifiedMachine) -> ElementSite:
         """Where elements sit.
 
         Raises:
@@ -126,17 +126,17 @@ class InDrive(Effect, ABC):
         factors = self.drive.factors(quantities) * self.drive.sizes(quantities)
         return [tuple(float(v) for v in factors * trial) for trial in self.sliding_trials()]
 
-    def elements(self, machine: ModifiedChain, values: Sequence[float]) -> tuple[SeriesElement, ...]:
+    def elements(self, machine: ModifiedMachine, values: Sequence[float]) -> tuple[SeriesElement, ...]:
         """The law where the drive is."""
         own = np.asarray(values) / self.drive.factors(self.sliding())
         return self.sliding_elements(self.site(machine), own.tolist())
 
-    def site(self, machine: ModifiedChain) -> ElementSite:
+    def site(self, machine: ModifiedMachine) -> ElementSite:
         """Where elements sit."""
         return self.drive.place(machine)
 
 
-def drives(scene: Scene) -> list[DriveSite]:
+def drives(scene: TestContext) -> list[DriveSite]:
     """The drive before all passive joints, where there is one, and those in joints, from base to tool.
 
     Joints that move the end-effector alike in every posture of a test, about one line or along one direction, are
@@ -175,7 +175,7 @@ def drives(scene: Scene) -> list[DriveSite]:
     return sites
 
 
-def _begun(scene: Scene) -> list[tuple[Array, dict[str, Array]]]:
+def _begun(scene: TestContext) -> list[tuple[Array, dict[str, Array]]]:
     """Of each ramp the wrench ``(6,)`` with which it begins, over its force, and the joints' motions ``(6,)``."""
     ramps = []
     for posture, direction in scene.rays:
@@ -278,7 +278,7 @@ class ActuatorCompliance(InDrive):
                 table[self.quantities()[0].name] = float(joint.compliance)
 
 
-def actuator_compliance_effects(scene: Scene) -> list[Effect]:
+def actuator_compliance_effects(scene: TestContext) -> list[Effect]:
     """In every drive."""
     return [ActuatorCompliance(own.part, own) for own in drives(scene)]
 
@@ -347,7 +347,7 @@ def wound_up_by_load(load: Array, ratio: float, power: float) -> tuple[Array, Ar
     return np.sign(load) * (size * (1.0 + grown / (power + 1.0)) + (np.abs(load) - size) / ratio), 1.0 + grown
 
 
-def actuator_hardening_effects(scene: Scene) -> list[Effect]:
+def actuator_hardening_effects(scene: TestContext) -> list[Effect]:
     """In every drive."""
     return [ActuatorHardening(own.force, own.compliance, own.part, own) for own in drives(scene)]
 
@@ -396,7 +396,7 @@ class Asymmetry(PullAndPush):
         """Stiffer in pull, weaker in push, and both."""
         return [(1.1, 0.0), (1.1, 1.0), (1.1, -1.0)]
 
-    def machine(self, machine: ModifiedChain, values: Sequence[float]) -> ModifiedChain:
+    def machine(self, machine: ModifiedMachine, values: Sequence[float]) -> ModifiedMachine:
         """Both factors."""
         changed = replace(machine, asymmetry=(*machine.asymmetry, (self.beam, values[0])))
         return changed.times(self.beam, _mean(values))
@@ -424,7 +424,7 @@ class DriveAsymmetry(PullAndPush):
         """Stiffer in pull, and softer, by either way or by both."""
         return [(1.3, 0.0), (1.3, 1.0), (1.3, -1.0), (0.75, 0.0)]
 
-    def elements(self, machine: ModifiedChain, values: Sequence[float]) -> tuple[SeriesElement, ...]:
+    def elements(self, machine: ModifiedMachine, values: Sequence[float]) -> tuple[SeriesElement, ...]:
         """Deflection of both springs beyond the model's own one."""
         mean = _mean(values)
         pull, push = (self.compliance * (mean * values[0] ** power - 1.0) for power in (-0.5, 0.5))
@@ -436,7 +436,7 @@ class DriveAsymmetry(PullAndPush):
         return (SeriesElement(self.drive.place(machine), memoryless(law)),)
 
 
-def asymmetry_effects(scene: Scene) -> list[Effect]:
+def asymmetry_effects(scene: TestContext) -> list[Effect]:
     """Of each drive where the model has a spring, of the foot and of each link, where the test loads them."""
     elastic = [own for own in drives(scene) if own.compliance > 0.0]
     effects: list[Effect] = [DriveAsymmetry(own.compliance, own.part or "actuator", own) for own in elastic]
@@ -445,7 +445,7 @@ def asymmetry_effects(scene: Scene) -> list[Effect]:
     return [effect for effect in effects if not isinstance(effect, Asymmetry) or _is_pulled(scene, effect)]
 
 
-def _is_pulled(scene: Scene, effect: Asymmetry) -> bool:
+def _is_pulled(scene: TestContext, effect: Asymmetry) -> bool:
     """Whether a ramp of the test pulls on the part, or pushes; what only bends has one stiffness."""
     machine = effect.machine(scene.machine, (1.0, 0.0))
     for posture, direction in scene.rays:

@@ -18,7 +18,7 @@ from vjm.rotations import Array, rotate_matrix6
 from vjm_updating.constants import numerical
 from vjm_updating.mechanisms.equilibrium_tables import first_wrench
 from vjm_updating.mechanisms.joint_motions import braced, joint_motions
-from vjm_updating.mechanisms.modified_chain import ModifiedChain, beam_of, link_of, links_of, place_of
+from vjm_updating.mechanisms.modified_chain import ModifiedMachine, beam_of, link_of, links_of, place_of
 from vjm_updating.mechanisms.relaxation import Relaxation
 from vjm_updating.mechanisms.series_elements import (
     AlongAxis,
@@ -33,7 +33,7 @@ SAME = numerical(1e-9)
 """Difference of unit vectors that is rounding."""
 
 
-def drive(machine: ModifiedChain) -> AlongAxis:
+def drive(machine: ModifiedMachine) -> AlongAxis:
     """The drive.
 
     Raises:
@@ -45,7 +45,7 @@ def drive(machine: ModifiedChain) -> AlongAxis:
     return AlongAxis((float(axis[0]), float(axis[1]), float(axis[2])))
 
 
-def foot(machine: ModifiedChain) -> Behind:
+def foot(machine: ModifiedMachine) -> Behind:
     """The foot's tip, which deflects by the foot's own compliance under the force along the link on it."""
     chain = machine.chain()
     beam = beam_of(chain, FOOT)
@@ -55,12 +55,12 @@ def foot(machine: ModifiedChain) -> Behind:
     )
 
 
-def along_link(machine: ModifiedChain, link: str) -> ElementSite:
+def along_link(machine: ModifiedMachine, link: str) -> ElementSite:
     """A link, or its joints, along the line from its root to its tip; the only one where there is no name."""
     return AtJoint(link or link_of(machine.nominal)) if machine.nominal.closes else AlongLine(link)
 
 
-def along_links(machine: ModifiedChain, postures: Iterable[str], jointed: bool) -> list[tuple[str, str]]:
+def along_links(machine: ModifiedMachine, postures: Iterable[str], jointed: bool) -> list[tuple[str, str]]:
     """Places along links where something may slip or deflect, from base to tool.
 
     What slips shifts all that is behind it along the link's line, so that it makes no difference where along the
@@ -143,7 +143,7 @@ class Quantity:
 
 
 @dataclass(frozen=True)
-class Scene:
+class TestContext:
     """What an effect must know of a test to make sense of it.
 
     Attributes:
@@ -176,9 +176,9 @@ class Scene:
         return not (self.chain.closes and self.gauged)
 
     @property
-    def machine(self) -> ModifiedChain:
+    def machine(self) -> ModifiedMachine:
         """The nominal one."""
-        return ModifiedChain(self.chain, self.engine)
+        return ModifiedMachine(self.chain, self.engine)
 
     @property
     def driven(self) -> int:
@@ -190,7 +190,7 @@ class Scene:
         """Postures of the test; all that the chain has where none are known."""
         return {label for label, _ in self.rays} or set(self.chain.postures)
 
-    def begun(self, machine: ModifiedChain, posture: str, direction: Sequence[float]) -> Array:
+    def begun(self, machine: ModifiedMachine, posture: str, direction: Sequence[float]) -> Array:
         """Wrench ``(6,)`` per unit of a ramp with which a nominal machine begins it.
 
         Raises:
@@ -248,15 +248,15 @@ class Effect:
         """Values of the parameters to begin a search from: small, of different shapes."""
         return [()]
 
-    def machine(self, machine: ModifiedChain, values: Sequence[float]) -> ModifiedChain:
+    def machine(self, machine: ModifiedMachine, values: Sequence[float]) -> ModifiedMachine:
         """The machine with the effect."""
         return machine
 
-    def elements(self, machine: ModifiedChain, values: Sequence[float]) -> tuple[SeriesElement, ...]:
+    def elements(self, machine: ModifiedMachine, values: Sequence[float]) -> tuple[SeriesElement, ...]:
         """Elements in series with the machine. Their laws see force, clock, posture and temperature."""
         return ()
 
-    def relaxation(self, machine: ModifiedChain, values: Sequence[float]) -> Relaxation | None:
+    def relaxation(self, machine: ModifiedMachine, values: Sequence[float]) -> Relaxation | None:
         """Which beam's stress relaxes, how much of it and how fast."""
         return None
 

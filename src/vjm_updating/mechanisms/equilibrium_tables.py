@@ -20,7 +20,7 @@ from vjm.rotations import Array, displacement_between, skew, translation
 from vjm.statics import MAX_ITERATIONS, TOLERANCE
 from vjm_updating.constants import numerical
 from vjm_updating.mechanisms.history_kernels import HalfRayPath, Packed, interpolated, looked_up, on_chords
-from vjm_updating.mechanisms.modified_chain import KEPT, AxialSigns, ModifiedChain, bowed, springs_of
+from vjm_updating.mechanisms.modified_chain import KEPT, AxialSigns, ModifiedMachine, bowed, springs_of
 
 NODES = numerical(16)
 """Equilibria along half a ray, where its tangents hardly turn."""
@@ -182,7 +182,7 @@ class Sheaf:
         return np.concatenate([np.concatenate(part).reshape(-1, part[0][0].size) for part in parts], axis=1)
 
 
-def tabulate(machine: ModifiedChain, half: HalfRay, pulls: bool | AxialSigns) -> PathTable:
+def tabulate(machine: ModifiedMachine, half: HalfRay, pulls: bool | AxialSigns) -> PathTable:
     """The stable equilibria of a machine along half a ray.
 
     Raises:
@@ -224,18 +224,18 @@ def tabulate(machine: ModifiedChain, half: HalfRay, pulls: bool | AxialSigns) ->
     return table if np.array_equal(finer, grid) else _trace(problem, finer, loaded=bent, known=table.turns)
 
 
-def first_force(machine: ModifiedChain, posture: str, direction: Array) -> Array:
+def first_force(machine: ModifiedMachine, posture: str, direction: Array) -> Array:
     """Force ``(3,)`` per unit of a ramp along ``direction`` (6,) with which the nominal machine begins it."""
     return first_wrench(machine, posture, direction)[:3]
 
 
-def first_wrench(machine: ModifiedChain, posture: str, direction: Array) -> Array:
+def first_wrench(machine: ModifiedMachine, posture: str, direction: Array) -> Array:
     """Wrench ``(6,)`` per unit of a ramp along ``direction`` (6,) with which the nominal machine begins it."""
-    plain = ModifiedChain(machine.nominal, machine.engine)
+    plain = ModifiedMachine(machine.nominal, machine.engine)
     return tabulate(plain, HalfRay.of(posture, direction, BEGUN), ()).slope[0]
 
 
-def beside(machine: ModifiedChain, half: HalfRay, pulls: bool | AxialSigns, table: PathTable) -> PathTable | None:
+def beside(machine: ModifiedMachine, half: HalfRay, pulls: bool | AxialSigns, table: PathTable) -> PathTable | None:
     """The equilibria of a machine that differs from a table's by next to nothing, at the same places.
 
     Each by Newton's method from the table's own, so that no path is traced and no bifurcation looked for: enough
@@ -257,7 +257,7 @@ def beside(machine: ModifiedChain, half: HalfRay, pulls: bool | AxialSigns, tabl
     return PathTable(table.s, F, own, K, x, table.bifurcation, problem, table.stopped, table.turns)
 
 
-def _problem(machine: ModifiedChain, half: HalfRay, pulls: bool | AxialSigns) -> LumpedProblem:
+def _problem(machine: ModifiedMachine, half: HalfRay, pulls: bool | AxialSigns) -> LumpedProblem:
     gravity = machine.weighing
     problem = _standing(
         machine.model(half.posture, pulls), half.posture, gravity, machine.bow, machine.engine.label
@@ -353,7 +353,7 @@ def _trace_loaded(problem: LumpedProblem, grid: Array) -> tuple[Array, Array, Ar
             next_x, wrench, _, _, why = model.compiled.newton(
                 problem.target(to), x + slope[0] * (to - reached), F + slope[1] * (to - reached), 0.0, TOLERANCE, 20
             )
-            if why or model.compiled.visit(next_x, wrench) != 0:
+            if why or model.compiled.factorise(next_x, wrench) != 0:
                 step *= 0.5
                 if step < 1e-3 * (s - last):
                     stopped = f"no stable equilibrium found beyond {reached:.6g}"
@@ -387,13 +387,13 @@ class Gauge:
     Attributes:
         component: of the displacement, 0 to 5.
         body: part that carries the point; empty for the end-effector.
-        at: fraction of the part's elastic length.
+        fraction: fraction of the part's elastic length.
     """
 
     channel: str
     component: int
     body: str = ""
-    at: float = 1.0
+    fraction: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -461,7 +461,7 @@ class LoadedEquilibria:
 
 
 def load_table(
-    machine: ModifiedChain, half: HalfRay, pulls: bool | AxialSigns, free: Sequence[str], gauges: Sequence[Gauge]
+    machine: ModifiedMachine, half: HalfRay, pulls: bool | AxialSigns, free: Sequence[str], gauges: Sequence[Gauge]
 ) -> LoadedEquilibria:
     """The stable equilibria of a machine along half a ramp of loads.
 
@@ -490,7 +490,7 @@ def load_table(
     start = weightless.unloaded().state
     k = problem.model.kinematics(start[: problem.model.size])
     # gauges of one point share its motion
-    places = dict.fromkeys([("", 1.0), *((gauge.body, gauge.at) for gauge in gauges)])
+    places = dict.fromkeys([("", 1.0), *((gauge.body, gauge.fraction) for gauge in gauges)])
     probes = {place: _Probe(problem.model, k, *model.find(*place)) for place in places}
     own = {where.start: spring for spring, where in problem.model.blocks}
     springs = {
@@ -593,7 +593,7 @@ def _node(
     reading, by_beam = np.zeros(m), np.zeros((m, len(springs)))
     by_load, by_pose = np.zeros((m, 6)), np.zeros((m, 6))
     for i, gauge in enumerate(gauges):
-        u, own = seen[gauge.body, gauge.at]
+        u, own = seen[gauge.body, gauge.fraction]
         reading[i] = u[gauge.component]
         by_load[i], by_pose[i], by_beam[i] = (own[gauge.component] @ by for by in (moved, carried, softer))
     return reading, by_load, by_pose, point.wrench, stiffness, by_beam

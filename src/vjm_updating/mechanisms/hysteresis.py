@@ -11,9 +11,9 @@ from vjm.model.machine import FOOT
 from vjm.rotations import Array
 from vjm_updating.constants import numerical, prior_scale
 from vjm_updating.mechanisms.drives import BEFORE_JOINTS, DriveSite, InDrive, drives
-from vjm_updating.mechanisms.effect import Effect, Quantity, Scene, along_link, foot, has_joint
+from vjm_updating.mechanisms.effect import Effect, Quantity, TestContext, along_link, foot, has_joint
 from vjm_updating.mechanisms.history_kernels import friction_along
-from vjm_updating.mechanisms.modified_chain import LINK, ModifiedChain, foot_of, link_of, links_of, place_of
+from vjm_updating.mechanisms.modified_chain import LINK, ModifiedMachine, foot_of, link_of, links_of, place_of
 from vjm_updating.mechanisms.relaxation import Relaxation
 from vjm_updating.mechanisms.series_elements import ElementSite, SeriesElement, retarded, together, yielding
 
@@ -86,7 +86,7 @@ class JointFriction(Effect):
         return {f"{self.cause}.torque_Nmm": torque * mean} | own | {f"{self.cause}.presliding_rad": elastic}
 
 
-def joint_friction_effects(scene: Scene) -> list[Effect]:
+def joint_friction_effects(scene: TestContext) -> list[Effect]:
     """Where there are joints."""
     return [JointFriction(joints=len(scene.chain.joints))] if scene.chain.joints else []
 
@@ -143,7 +143,7 @@ class Creep(Effect):
         times = (3.0 * self.interval, (self.duration * self.interval) ** 0.5, self.duration / 8.0, self.duration)
         return [(0.03, time, 0.25, LATER) for time in times]
 
-    def elements(self, machine: ModifiedChain, values: Sequence[float]) -> tuple[SeriesElement, ...]:
+    def elements(self, machine: ModifiedMachine, values: Sequence[float]) -> tuple[SeriesElement, ...]:
         """The drive's, of two terms behind its own spring: a spring on an axis, so that this is exact."""
         if not self._is_drive:
             return ()
@@ -153,7 +153,7 @@ class Creep(Effect):
         terms = together(retarded((1.0 - slow) * gain, delay), retarded(slow * gain, later * delay))
         return (SeriesElement(self.drive.place(machine), terms, smooth=True),)
 
-    def relaxation(self, machine: ModifiedChain, values: Sequence[float]) -> Relaxation | None:
+    def relaxation(self, machine: ModifiedMachine, values: Sequence[float]) -> Relaxation | None:
         """A beam's, which bends as well."""
         if self._is_drive:
             return None
@@ -162,7 +162,7 @@ class Creep(Effect):
         return Relaxation(part, ((1.0 - slow) * fraction, slow * fraction), (time, later * time))
 
 
-def creep_effects(scene: Scene) -> list[Effect]:
+def creep_effects(scene: TestContext) -> list[Effect]:
     """In each drive that is elastic, and in each beam, where there is a clock."""
     if scene.duration <= 0.0 or scene.interval <= 0.0:
         return []
@@ -224,14 +224,14 @@ class Plasticity(InDrive):
         )
         return (SeriesElement(place, slips),)
 
-    def site(self, machine: ModifiedChain) -> ElementSite:
+    def site(self, machine: ModifiedMachine) -> ElementSite:
         """Where it slips."""
         if self.part == "actuator" or self.drive.joint:
             return self.drive.place(machine)
         return foot(machine) if self.part == "foot" else along_link(machine, self.link)
 
 
-def plasticity_effects(scene: Scene) -> list[Effect]:
+def plasticity_effects(scene: TestContext) -> list[Effect]:
     """In drives and foot, and along each link or in its joints."""
     effects: list[Effect] = [Plasticity(own.part or "actuator", own.force, drive=own) for own in drives(scene)]
     effects += [Plasticity("foot", scene.force)] if foot_of(scene.chain) else []

@@ -19,7 +19,7 @@ from vjm.rotations import Array
 from vjm.statics import TOLERANCE
 from vjm_updating.constants import numerical
 from vjm_updating.mechanisms.equilibrium_tables import CORRECTIONS, HalfRay, PathTable, tabulate
-from vjm_updating.mechanisms.modified_chain import ModifiedChain, Moved, links_of, moved, springs_of
+from vjm_updating.mechanisms.modified_chain import ModifiedMachine, Moved, links_of, moved, springs_of
 from vjm_updating.mechanisms.series_elements import LoadedJoint
 
 BEHIND = " gives way"
@@ -38,23 +38,23 @@ _YIELDING: OrderedDict[tuple[object, ...], tuple[Machine, Mechanism]] = OrderedD
 """Models whose held joints yield, likewise."""
 
 
-def joint_motions(machine: ModifiedChain, posture: str) -> dict[str, Array]:
+def joint_motions(machine: ModifiedMachine, posture: str) -> dict[str, Array]:
     """What a unit of deflection in each held joint does to the end-effector ``(6,)``, by the joints' names.
 
     In the unloaded posture, world axes: ``(a × (r − p), a)`` per rad about an axis a through p, ``(a, 0)`` per mm
     along it, with what a coupling passes on as it bends. Where loops are closed, of each link too that becomes 1 mm
     longer, by its name.
     """
-    motions = _motions(ModifiedChain(machine.nominal, machine.engine), posture, None, None)
+    motions = _motions(ModifiedMachine(machine.nominal, machine.engine), posture, None, None)
     return {name: motion[0] for name, motion in motions.items()}
 
 
-def braced(machine: ModifiedChain, postures: Iterable[str]) -> set[str]:
+def braced(machine: ModifiedMachine, postures: Iterable[str]) -> set[str]:
     """Held joints and links of a machine with closed loops whose deflection strains the rest in some posture.
 
     Backlash there is taken up by what is prestressed, and the end-effector's wrench alone does not say how far.
     """
-    plain = ModifiedChain(machine.nominal, machine.engine)
+    plain = ModifiedMachine(machine.nominal, machine.engine)
     if not plain.nominal.closes:
         return set()
     result: set[str] = set()
@@ -65,7 +65,7 @@ def braced(machine: ModifiedChain, postures: Iterable[str]) -> set[str]:
 
 
 def motions_of_readings(
-    machine: ModifiedChain, labels: Sequence[str], rays: Sequence[tuple[str, Array, Array, np.ndarray, Array]]
+    machine: ModifiedMachine, labels: Sequence[str], rays: Sequence[tuple[str, Array, Array, np.ndarray, Array]]
 ) -> tuple[dict[str, Array], dict[str, LoadedJoint]]:
     """The same at every reading ``(n, 6)``, the nominal machine being displaced as it was there.
 
@@ -75,7 +75,7 @@ def motions_of_readings(
     Of machines that stand by themselves, what is known to second order besides. ``rays`` are posture, direction and
     measure (6,), indices of the readings, and their places on the ray.
     """
-    plain = ModifiedChain(machine.nominal, machine.engine)
+    plain = ModifiedMachine(machine.nominal, machine.engine)
     if not (plain.nominal.closes or any(joint.held for joint in plain.nominal.moving)):
         return {}, {}
     still = {label: joint_motions(plain, label) for label in dict.fromkeys(labels)}
@@ -101,7 +101,7 @@ def motions_of_readings(
 
 
 def _along(
-    machine: ModifiedChain, half: HalfRay, measure: Array
+    machine: ModifiedMachine, half: HalfRay, measure: Array
 ) -> tuple[Array, dict[str, Array], dict[str, LoadedJoint]]:
     """Places ``(m,)`` on half a ray, and there by the joints' names what `motions_of_readings` has."""
     key = (id(machine.nominal), machine.engine, half, tuple(measure.tolist()))
@@ -132,7 +132,7 @@ def _stands(chain: Machine) -> bool:
     return not chain.closes and not any(joint.free or joint.passes_on for joint in chain.moving)
 
 
-def _by_turns(machine: ModifiedChain, half: HalfRay, table: PathTable, measure: Array) -> dict[str, LoadedJoint]:
+def _by_turns(machine: ModifiedMachine, half: HalfRay, table: PathTable, measure: Array) -> dict[str, LoadedJoint]:
     """What held joints do to second order along a path, by their names.
 
     Its equilibria are solved anew with a joint displaced to both sides. Then the displacements are found at which
@@ -173,7 +173,7 @@ def _by_turns(machine: ModifiedChain, half: HalfRay, table: PathTable, measure: 
     return loaded
 
 
-def _motions(machine: ModifiedChain, posture: str, x: Array | None, wrench: Array | None) -> dict[str, Array]:
+def _motions(machine: ModifiedMachine, posture: str, x: Array | None, wrench: Array | None) -> dict[str, Array]:
     """Motions ``(m, 6)`` at coordinates ``(m, n)`` of a machine's model in a posture, unloaded by default."""
     chain = machine.nominal
     joints = [joint for joint in chain.moving if joint.held]
@@ -193,7 +193,7 @@ def _motions(machine: ModifiedChain, posture: str, x: Array | None, wrench: Arra
 
 
 def _in_loops(
-    machine: ModifiedChain, posture: str, x: Array | None, wrench: Array | None
+    machine: ModifiedMachine, posture: str, x: Array | None, wrench: Array | None
 ) -> tuple[list[str], list[Moved]]:
     """Held joints and links by name, and what each does in every state of a machine with closed loops."""
     chain, model = machine.nominal, machine.model(posture)
@@ -212,7 +212,7 @@ def _in_loops(
 
 
 def _yielding_at(
-    machine: ModifiedChain, posture: str, x: Array | None, compliance: float = 1.0
+    machine: ModifiedMachine, posture: str, x: Array | None, compliance: float = 1.0
 ) -> tuple[dict[str, int], Mechanism, list[Kinematics]]:
     """The coordinate of each held joint in the model where it yields, that model, and its states."""
     chain = machine.nominal

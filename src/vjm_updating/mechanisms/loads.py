@@ -13,8 +13,8 @@ import numpy as np
 from vjm.model.machine import FOOT
 from vjm.rotations import Array, rotation_from_vector
 from vjm_updating.constants import prior_scale
-from vjm_updating.mechanisms.effect import Effect, Quantity, Scene
-from vjm_updating.mechanisms.modified_chain import ModifiedChain, foot_of
+from vjm_updating.mechanisms.effect import Effect, Quantity, TestContext
+from vjm_updating.mechanisms.modified_chain import ModifiedMachine, foot_of
 
 UNLIKE = prior_scale(0.2)
 """Standard deviation of the foot's share of the weight about what both have were they of one material."""
@@ -47,7 +47,7 @@ class Gravity(Effect):
         """A bar of steel of that size weighs about this."""
         return [(2.0,)] if self.foot is None else [(2.0, self.foot)]
 
-    def machine(self, machine: ModifiedChain, values: Sequence[float]) -> ModifiedChain:
+    def machine(self, machine: ModifiedMachine, values: Sequence[float]) -> ModifiedMachine:
         """Carrying its weight."""
         own: tuple[tuple[str, float], ...] = ()
         rest = values[0]
@@ -57,7 +57,7 @@ class Gravity(Effect):
         return replace(machine, weight=weight, gravity=self.direction)
 
 
-def gravity_effects(scene: Scene) -> list[Effect]:
+def gravity_effects(scene: TestContext) -> list[Effect]:
     """Where links have a section that their weight acts on; down is −z where the sheet does not say."""
     # in proportion to the beams' volumes: their stiffness in pull times their length
     beams = scene.chain.beams
@@ -125,7 +125,7 @@ class LoadMisalignment(Effect):
         }
 
 
-def load_misalignment_effects(scene: Scene) -> list[Effect]:
+def load_misalignment_effects(scene: TestContext) -> list[Effect]:
     """About the axis along which the test goes."""
     x, y, z = (tuple(float(v) for v in np.roll(axis, scene.driven)) for axis in np.eye(3))
     return [LoadMisalignment(x, y, z)]

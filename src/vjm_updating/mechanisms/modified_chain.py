@@ -15,7 +15,7 @@ import numpy as np
 from vjm.engines import VjmEngine
 from vjm.errors import NoConvergenceError
 from vjm.machine.equilibria import equilibria
-from vjm.machine.rigid_mechanism import CLOSED, Closing, PoseError
+from vjm.machine.rigid_mechanism import CLOSED, LoopClosure, PoseError
 from vjm.model.machine import FOOT, Machine
 from vjm.model.mechanism import Mechanism
 from vjm.model.parameters import beam_length, compliance_factor
@@ -87,7 +87,7 @@ _MODELS: OrderedDict[tuple[object, ...], tuple[Machine, Mechanism]] = OrderedDic
 
 
 @dataclass(frozen=True)
-class ModifiedChain:
+class ModifiedMachine:
     """A chain and what a test meets of it.
 
     Attributes:
@@ -126,19 +126,19 @@ class ModifiedChain:
             self.changed,
         )  # fmt: skip
 
-    def times(self, part: str, factor: float) -> ModifiedChain:
+    def times(self, part: str, factor: float) -> ModifiedMachine:
         """The machine with a part's compliance times a factor."""
         own = dict(self.factors)
         own[part] = own.get(part, 1.0) * factor
         return replace(self, factors=tuple(sorted(own.items())))
 
-    def longer(self, part: str, by: float) -> ModifiedChain:
+    def longer(self, part: str, by: float) -> ModifiedMachine:
         """The machine with a beam longer by so many mm."""
         own = dict(self.lengthened)
         own[part] = own.get(part, 0.0) + by
         return replace(self, lengthened=tuple(sorted(own.items())))
 
-    def with_bow(self, part: str, along_y: float, along_z: float) -> ModifiedChain:
+    def with_bow(self, part: str, along_y: float, along_z: float) -> ModifiedMachine:
         """The machine with a beam bowed by so many mm more."""
         own = {name: (y, z) for name, y, z in self.bow}
         y, z = self.bow_of(part)
@@ -218,7 +218,7 @@ class ModifiedChain:
 
         That of the unloaded posture.
         """
-        model = ModifiedChain(self.nominal, self.engine).model(posture)
+        model = ModifiedMachine(self.nominal, self.engine).model(posture)
         return _line(model, posture, part or link_of(self.nominal))
 
     def shift(self, posture: str, part: str) -> tuple[Array, Array]:
@@ -227,7 +227,7 @@ class ModifiedChain:
         Returns:
             To the end-effector ``(6,)``, and to what closures and couplings hold ``(f,)``; mm and rad.
         """
-        model = ModifiedChain(self.nominal, self.engine).model(posture)
+        model = ModifiedMachine(self.nominal, self.engine).model(posture)
         line, before = self.line(posture, part), self.nominal.predecessors
 
         def carries(other: str) -> bool:
@@ -257,14 +257,14 @@ class ModifiedChain:
         """Axial force in a beam by a force ``(3,)`` at the end-effector, N, positive in pull."""
         if not self.nominal.closes:
             return float(force @ self.line(posture, part))
-        model = ModifiedChain(self.nominal, self.engine).model(posture)
+        model = ModifiedMachine(self.nominal, self.engine).model(posture)
         end, closing = self.shift(posture, part)
         x = model.configuration(model.chain.posture(posture))
         return float(moved(model, x, np.zeros(6), end[:, None], closing[:, None]).end[0, :3] @ force)
 
     def lever(self, posture: str) -> Array:
         """From the base's origin to the end-effector ``(3,)`` in the unloaded posture, mm, world axes."""
-        model = ModifiedChain(self.nominal, self.engine).model(posture)
+        model = ModifiedMachine(self.nominal, self.engine).model(posture)
         end = model.kinematics(model.configuration(model.chain.posture(posture))).end
         return end[:3, 3] - self.nominal.base[:3, 3]
 
@@ -291,7 +291,7 @@ def standing_free(chain: Machine, engine: VjmEngine) -> Machine:
     (posture,) = chain.postures
     held = chain.held.get(posture, {})
     try:
-        closing = Closing(chain, posture)
+        closing = LoopClosure(chain, posture)
         passive, drives = closing.posture(closing.home)
         if all(abs(value - held[name]) < CLOSED for name, value in drives.items()):
             return replace(chain, postures={posture: passive})
@@ -299,7 +299,7 @@ def standing_free(chain: Machine, engine: VjmEngine) -> Machine:
         pass
     model = engine.model(chain)
     states = equilibria(model, model.posture(posture), compliance=False)
-    if not (states.found[0] and states.stable[0]):
+    if not (states.converged[0] and states.stable[0]):
         raise NoConvergenceError(f"posture {posture}: with parts of these lengths the machine does not stand")
     return replace(chain, nominal_ends={posture: frame(states.rotation[0, 0], states.position[0, 0])})
 

@@ -17,8 +17,8 @@ from vjm.model.machine import FOOT, Machine
 from vjm.model.parts import Joint
 from vjm.rotations import inverse_frame
 from vjm_updating.constants import numerical, physical_bound
-from vjm_updating.mechanisms.effect import Effect, Quantity, Scene
-from vjm_updating.mechanisms.modified_chain import ModifiedChain, beam_of, foot_of, links_of, place_of
+from vjm_updating.mechanisms.effect import Effect, Quantity, TestContext
+from vjm_updating.mechanisms.modified_chain import ModifiedMachine, beam_of, foot_of, links_of, place_of
 from vjm_updating.mechanisms.series_elements import AboutAxis, AlongAxis, Law, SeriesElement, memoryless
 
 FACTOR = Quantity("factor", 0.2, 5.0, 0.02, neutral=1.0)
@@ -41,7 +41,7 @@ class PartCompliance(Effect):
         """Softer; stiffer is the same but for the sign."""
         return [(1.05,)]
 
-    def machine(self, machine: ModifiedChain, values: Sequence[float]) -> ModifiedChain:
+    def machine(self, machine: ModifiedMachine, values: Sequence[float]) -> ModifiedMachine:
         """The part times the factor."""
         return machine.times(self.beam, values[0])
 
@@ -63,7 +63,7 @@ class LinkCompliance(PartCompliance):
     title = "the bar is softer or stiffer than its matrix says"
 
 
-def part_compliance_effects(scene: Scene) -> list[Effect]:
+def part_compliance_effects(scene: TestContext) -> list[Effect]:
     """One for each beam that the chain has."""
     feet: list[Effect] = [FootCompliance()] if foot_of(scene.chain) else []
     return [*feet, *(LinkCompliance(name, place_of(scene.chain, name)) for name in links_of(scene.chain))]
@@ -87,12 +87,12 @@ class LinkLength(Effect):
         """Longer."""
         return [(1.0,)]
 
-    def machine(self, machine: ModifiedChain, values: Sequence[float]) -> ModifiedChain:
+    def machine(self, machine: ModifiedMachine, values: Sequence[float]) -> ModifiedMachine:
         """The longer bar."""
         return machine.longer(self.beam, values[0])
 
 
-def link_length_effects(scene: Scene) -> list[Effect]:
+def link_length_effects(scene: TestContext) -> list[Effect]:
     """One a link."""
     return [LinkLength(name, place_of(scene.chain, name)) for name in links_of(scene.chain)]
 
@@ -129,7 +129,7 @@ class LinkBow(Effect):
             (0.02 * a, sign * a) for a in self.sizes[1:] for sign in (1.0, -1.0)
         ]
 
-    def machine(self, machine: ModifiedChain, values: Sequence[float]) -> ModifiedChain:
+    def machine(self, machine: ModifiedMachine, values: Sequence[float]) -> ModifiedMachine:
         """Built with the bow."""
         return machine.with_bow(self.beam, values[0], values[1])
 
@@ -139,7 +139,7 @@ class LinkBow(Effect):
         return {"link_bow.amplitude_mm": float(np.hypot(y, z)), "link_bow.direction_rad": float(np.arctan2(z, y))}
 
 
-def link_bow_effects(scene: Scene) -> list[Effect]:
+def link_bow_effects(scene: TestContext) -> list[Effect]:
     """One a link whose section is known: one spring alone has no shape.
 
     A model file has no bow of a beam that comes out of its root or carries a joint.
@@ -165,12 +165,12 @@ class LinkLumping(Effect):
     cause = "link_lumping"
     title = "one spring per link, where the link deflects all along it"
 
-    def machine(self, machine: ModifiedChain, values: Sequence[float]) -> ModifiedChain:
+    def machine(self, machine: ModifiedMachine, values: Sequence[float]) -> ModifiedMachine:
         """More springs."""
         return replace(machine, engine=replace(machine.engine, segments=LINK_SEGMENTS))
 
 
-def link_lumping_effects(scene: Scene) -> list[Effect]:
+def link_lumping_effects(scene: TestContext) -> list[Effect]:
     """Where the model has one spring a link and the links' sections are known."""
     known = all(beam_of(scene.chain, name).section is not None for name in links_of(scene.chain))
     return [LinkLumping()] if (scene.engine.segments or 1) == 1 and known else []
@@ -187,12 +187,12 @@ class FootLumping(Effect):
     cause = "foot_lumping"
     title = "one spring for the foot, where it deflects all along it"
 
-    def machine(self, machine: ModifiedChain, values: Sequence[float]) -> ModifiedChain:
+    def machine(self, machine: ModifiedMachine, values: Sequence[float]) -> ModifiedMachine:
         """More springs."""
         return replace(machine, engine=replace(machine.engine, foot_segments=FOOT_SEGMENTS))
 
 
-def foot_lumping_effects(scene: Scene) -> list[Effect]:
+def foot_lumping_effects(scene: TestContext) -> list[Effect]:
     """Where the model has a foot of one spring and its section is known."""
     feet = [beam for beam in scene.chain.beams if beam.name == FOOT and beam.section is not None]
     return [FootLumping()] if feet and (scene.engine.foot_segments or 1) == 1 else []
@@ -236,7 +236,7 @@ class BaseCompliance(Effect):
         alike = 1.0, 1.0
         return [(1e-5, *alike, 1.0, *alike), (1e-5, 3.0, 3.0, 1.0, *alike), (1e-6, *alike, 20.0, *alike)]
 
-    def elements(self, machine: ModifiedChain, values: Sequence[float]) -> tuple[SeriesElement, ...]:
+    def elements(self, machine: ModifiedMachine, values: Sequence[float]) -> tuple[SeriesElement, ...]:
         """Three springs along the axes, and three about them where the base turns."""
         along, about = _compliances(machine.nominal, values)
         shifts = (SeriesElement(AlongAxis(AXES[a]), _spring(c)) for a, c in along.items())
@@ -329,6 +329,6 @@ def _spring(c: float) -> Law:
     return memoryless(lambda N: (c * N, np.full_like(N, c)))
 
 
-def base_compliance_effects(scene: Scene) -> list[Effect]:
+def base_compliance_effects(scene: TestContext) -> list[Effect]:
     """Always."""
     return [BaseCompliance()]

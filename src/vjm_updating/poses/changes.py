@@ -88,7 +88,7 @@ def changes(study: SeriesStudy, state: FittedState) -> list[ChangePoint]:
 
     They are sought in readings of all three coordinates.
     """
-    seen = np.asarray(np.isfinite(state.at.residual[..., :3]).all(axis=2))
+    seen = np.asarray(np.isfinite(state.linearised.residual[..., :3]).all(axis=2))
     if not study.ordered or np.count_nonzero(seen.any(axis=1)) < 4 * FEWEST:
         return []
     search = _ChangeSearch(study, state, seen)
@@ -106,7 +106,7 @@ def changes(study: SeriesStudy, state: FittedState) -> list[ChangePoint]:
 
 def _kinds(study: SeriesStudy, state: FittedState) -> Iterator[tuple[ChangeKind, str, Array]]:
     """Kinds, names and motions ``(g, k, 3, d)`` of the readings by what may change, per mm or rad."""
-    linearised, markers = state.at, study.data.markers
+    linearised, markers = state.linearised, study.data.markers
     everything = np.broadcast_to(np.eye(3), (*linearised.residual.shape[:2], 3, 3))
     yield ChangeKind.SHIFT, "", everything
     if study.turns_with_tracker:
@@ -133,9 +133,9 @@ class _ChangeSearch:
         zeros = [n + i for i, m in enumerate(study.members) if m.family in ZEROS]
         own = np.union1d(changing, np.array(zeros, dtype=int))
         members = changing[changing >= n]
-        J = np.concatenate([state.at.nuisance, state.at.member], axis=3)[..., :3, :][seen]
+        J = np.concatenate([state.linearised.nuisance, state.linearised.member], axis=3)[..., :3, :][seen]
         course = np.linspace(-1.0, 1.0, len(study.data))[self.posture][:, None, None]
-        y = state.at.residual[..., :3][seen]
+        y = state.linearised.residual[..., :3][seen]
         sigma = state.sigma[..., :3][seen] * np.sqrt(state.weight[seen])[:, None]
         self.y = y / sigma
         # readings do not scatter less than their instruments do

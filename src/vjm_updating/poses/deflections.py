@@ -18,7 +18,7 @@ from vjm.rotations import Array, rotation_from_vector, rotation_vector
 from vjm_updating.constants import numerical, physical_bound, prior_scale
 from vjm_updating.experiment.data_file import WRENCH, DataTable, beyond_turn
 from vjm_updating.inference.significance import median_sigma
-from vjm_updating.poses.families import MILLIMETRE, MILLIRADIAN, Member, members_of, value_member
+from vjm_updating.poses.families import MILLIMETRE, MILLIRADIAN, FamilyParameter, members_of, value_member
 from vjm_updating.poses.forward import (
     LARGEST_TURN,
     MARKER_PLACE,
@@ -260,12 +260,12 @@ class DeflectionForward(SeriesForward):
         self.loaded = PoseForward(machine, replace(none, wrench=wrench), gravity, self.centre)
 
     @property
-    def members(self) -> list[Member]:
+    def members(self) -> list[FamilyParameter]:
         """Numbers that a hypothesis may change."""
         return self.unloaded.members
 
     @members.setter
-    def members(self, members: list[Member]) -> None:
+    def members(self, members: list[FamilyParameter]) -> None:
         # what follows the load acts in the loaded state only
         still = np.zeros(len(self.data))
         self.loaded.members = members
@@ -325,7 +325,7 @@ class DeflectionForward(SeriesForward):
                 wrench[:, len(self.data.markers) :] += size * member.scale * self._direction(member)
         return wrench
 
-    def _direction(self, member: Member) -> Array:
+    def _direction(self, member: FamilyParameter) -> Array:
         """Wrenches ``(g, l, 6)`` in the base's axes of one N or N mm that a sensor's zero adds."""
         load = np.zeros_like(self.data.load)
         load[:, member.index // 6, member.index % 6] = 1.0
@@ -395,7 +395,7 @@ RESTS = physical_bound(1e-3)
 
 def members_of_loads(
     machine: PoseMachine, data: DeflectionData, forward: DeflectionForward, scale: Array
-) -> list[Member]:
+) -> list[FamilyParameter]:
     """Every member of every family that a test of deflections can show.
 
     ``scale`` (n_tree,) is what its loads bring on each coordinate, root mean square, N mm or N.
@@ -404,7 +404,7 @@ def members_of_loads(
     return [*springs, *_of_joints(machine, forward, scale), *_zeros(data)]
 
 
-def _of_joints(machine: PoseMachine, forward: DeflectionForward, scale: Array) -> list[Member]:
+def _of_joints(machine: PoseMachine, forward: DeflectionForward, scale: Array) -> list[FamilyParameter]:
     """What a joint turns by under the load beyond a linear spring, a function of its torque."""
     result = []
     loaded, still = forward.loaded.bearing(), forward.unloaded.bearing()
@@ -430,7 +430,7 @@ def _of_joints(machine: PoseMachine, forward: DeflectionForward, scale: Array) -
     return result
 
 
-def _zeros(data: DeflectionData) -> list[Member]:
+def _zeros(data: DeflectionData) -> list[FamilyParameter]:
     """Zeros of the force sensors along the axes that they read."""
     largest = np.abs(data.load).max(axis=0)
     result = []
@@ -439,7 +439,7 @@ def _zeros(data: DeflectionData) -> list[Member]:
             half = largest[j, :3] if a < 3 else largest[j, 3:]
             if largest[j, a] > 0.0:
                 result.append(
-                    Member(
+                    FamilyParameter(
                         family="instrument_zero", name=f"instrument_zero.{point}.{label}", kind=LOAD,
                         index=6 * j + a, scale=ONE_PERCENT * float(half.max()), unit="N" if a < 3 else "N mm",
                     )
@@ -475,7 +475,7 @@ class DeflectionStudy(SeriesStudy):
         assert isinstance(data, DeflectionData)
         return DeflectionForward(machine, data, self.sheet)
 
-    def members_for(self, forward: SeriesForward) -> list[Member]:
+    def members_for(self, forward: SeriesForward) -> list[FamilyParameter]:
         """All members that a difference of two equilibria shows."""
         assert isinstance(forward, DeflectionForward)
         return members_of_loads(self.machine, self.data, forward, forward.torques())
@@ -547,8 +547,8 @@ class DeflectionStudy(SeriesStudy):
             state = self.settle(Hypothesis(tuple(f for f in COMPLIANCES if f in self.families)))
         except NoConvergenceError:
             return self.aligned * 0.0, self.aligned
-        over = state.at.residual / self.scatter(state.at)
-        return self.distance(over), self.distance(state.at.residual)
+        over = state.linearised.residual / self.scatter(state.linearised)
+        return self.distance(over), self.distance(state.linearised.residual)
 
     def ends(self) -> dict[str, tuple[str, Array]]:
         """The markers' and loads' parts and places."""

@@ -14,7 +14,7 @@ import numpy as np
 
 from vjm.rotations import Array
 from vjm_updating.constants import definition, prior_scale
-from vjm_updating.inference.parameters import Coordinate
+from vjm_updating.inference.parameters import FitParameter
 from vjm_updating.poses.machine import ACROSS, OWN, RIGID, PoseMachine
 from vjm_updating.poses.measurement import PoseData
 
@@ -33,7 +33,7 @@ WAVES: dict[str, Callable[[Array], Array]] = {
 
 
 @dataclass(frozen=True, kw_only=True)
-class Member(Coordinate):
+class FamilyParameter(FitParameter):
     """One number of a family, named ``family.part.what``; its prior is the family's, of a size by the evidence.
 
     Attributes:
@@ -113,7 +113,7 @@ ZEROS = ("joint_offset", "instrument_zero")
 """Zeros of encoders and of force sensors, which are set anew between series of a machine."""
 
 
-def members_of(machine: PoseMachine, data: PoseData, torque: Array, *, ordered: bool) -> list[Member]:
+def members_of(machine: PoseMachine, data: PoseData, torque: Array, *, ordered: bool) -> list[FamilyParameter]:
     """Every member of every family that the data can show.
 
     ``torque`` (n_tree,) has the standard deviation over the postures of what each coordinate bears, N mm or N.
@@ -124,7 +124,7 @@ def members_of(machine: PoseMachine, data: PoseData, torque: Array, *, ordered: 
             continue  # a beam's weight in many pieces
         name = part.removesuffix("~root")
         result.append(
-            Member(
+            FamilyParameter(
                 family="gravity", name=f"gravity.{name}", kind=MASS, index=k, scale=0.1, unit="of its mass",
                 subject=name, low=-10.0,
             )
@@ -140,7 +140,7 @@ def members_of(machine: PoseMachine, data: PoseData, torque: Array, *, ordered: 
         if course is not None and np.ptp(course) > 0.0:
             basis = (course - course.mean()) / np.ptp(course)
             result += [
-                Member(
+                FamilyParameter(
                     family="tracker_drift", name=f"tracker_drift.{name}.{axis}", kind=DRIFT, index=k, scale=1.0,
                     unit="mm over the test", basis=basis,
                 )
@@ -148,7 +148,7 @@ def members_of(machine: PoseMachine, data: PoseData, torque: Array, *, ordered: 
             ]  # fmt: skip
     if data.temperature is not None and np.ptp(data.temperature) > 0.5:
         result.append(
-            Member(
+            FamilyParameter(
                 family="temperature", name="temperature.stretch", kind=STRETCH, index=0, scale=1e-5, unit="1/K",
                 basis=data.temperature - data.temperature.mean(),
             )
@@ -156,7 +156,7 @@ def members_of(machine: PoseMachine, data: PoseData, torque: Array, *, ordered: 
     return result
 
 
-def _values(machine: PoseMachine, data: PoseData) -> list[Member]:
+def _values(machine: PoseMachine, data: PoseData) -> list[FamilyParameter]:
     result = []
     for name, index in machine.driven.items():
         turns = name in machine.turning
@@ -177,7 +177,7 @@ def _values(machine: PoseMachine, data: PoseData) -> list[Member]:
     return result
 
 
-def _compliances(machine: PoseMachine, torque: Array) -> list[Member]:
+def _compliances(machine: PoseMachine, torque: Array) -> list[FamilyParameter]:
     family = {OWN: "actuator_compliance", ACROSS: "lateral_compliance", "link": "link_compliance"}
     family |= {"base": "base_compliance", "beam": "link_compliance"}
     result = []
@@ -186,7 +186,7 @@ def _compliances(machine: PoseMachine, torque: Array) -> list[Member]:
         if spring.kind != OWN:
             name += f".{spring.label}".replace("about ", "")
         if spring.kind == "beam":
-            member = Member(
+            member = FamilyParameter(
                 family=family[spring.kind], name=name, kind=FACTOR, index=spring.span[0], scale=0.1,
                 unit="of its compliance", subject=spring.part, low=-9.0,
             )  # fmt: skip
@@ -196,7 +196,7 @@ def _compliances(machine: PoseMachine, torque: Array) -> list[Member]:
             size = MILLIMETRE if spring.slides else MILLIRADIAN
             # a spring that bears little cannot be expected to turn by as much: none so compliant is built
             scale = size / max(float(torque[spring.span[0]]), size / most)
-            member = Member(
+            member = FamilyParameter(
                 family=family[spring.kind], name=name, kind=COMPLIANCE, index=spring.span[0], scale=scale,
                 unit="mm/N" if spring.slides else "rad/(N mm)", nominal=spring.nominal, subject=spring.part,
                 low=min(0.0, RIGID - spring.nominal) / scale,
@@ -208,9 +208,9 @@ def _compliances(machine: PoseMachine, torque: Array) -> list[Member]:
 
 def value_member(
     family: str, part: str, what: str, index: int, scale: float, unit: str, basis: Array | None = None
-) -> Member:
+) -> FamilyParameter:
     """A member that moves a joint from its commanded value."""
     name = f"{family}.{part}.{what}".removesuffix(".")
-    return Member(
+    return FamilyParameter(
         name=name, kind=VALUE, subject=part, scale=scale, family=family, index=index, unit=unit, basis=basis
     )

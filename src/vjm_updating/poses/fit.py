@@ -28,7 +28,7 @@ NO_FAMILY = numerical(1_000_000)
 
 
 @dataclass(frozen=True)
-class Blocks:
+class NormalEquations:
     """Normal equations of readings, whole and by the parts that are held out.
 
     The first ``n_f`` of the P unknowns are the nuisances.
@@ -131,7 +131,7 @@ def blocks_of(
     residual: Array, J: Array, sigma: Array, folds: Sequence[np.ndarray], nuisances: int, prior: Array,
     family: np.ndarray, lower: Array, largest: dict[int, float], upper: Array | None = None,
     least: float = 0.0,
-) -> Blocks:  # fmt: skip
+) -> NormalEquations:  # fmt: skip
     """Normal equations of readings.
 
     Args:
@@ -139,7 +139,7 @@ def blocks_of(
         J: ``(g, k, 6, P)`` derivatives.
         sigma: ``(g, k, 6)`` standard deviations, robust weights in them.
         folds: kinds of holding out, each ``(g,)``.
-        nuisances: as all that follows, see `Blocks`.
+        nuisances: as all that follows, see `NormalEquations`.
         prior: of these.
         family: of the unknowns.
         lower: of these.
@@ -166,13 +166,13 @@ def blocks_of(
     N: Array = np.sum([part[0] for part in parts[0]], axis=0)
     b: Array = np.sum([part[1] for part in parts[0]], axis=0)
     above = np.full(len(lower), np.inf) if upper is None else upper
-    return Blocks(
+    return NormalEquations(
         N, b, float(y @ y), len(y), rows, y, posture, channel, nuisances, prior, family, lower, above, largest,
         parts, tuple(folds), least,
     )  # fmt: skip
 
 
-def solve(blocks: Blocks, families: Sequence[int], start: dict[int, float] | None = None) -> PoseSolution:
+def solve(blocks: NormalEquations, families: Sequence[int], start: dict[int, float] | None = None) -> PoseSolution:
     """The fit of some families, by their numbers, with their sizes by the evidence, from those of ``start`` on."""
     active = np.flatnonzero((blocks.family < 0) | np.isin(blocks.family, list(families)))
     N, b, family = blocks.N[np.ix_(active, active)], blocks.b[active], blocks.family[active]
@@ -233,7 +233,7 @@ def _within(
     return total + float(np.sum(0.5 * np.log(precision[held] / curve) + beyond))
 
 
-def precision_of(blocks: Blocks, family: np.ndarray, sizes: dict[int, float]) -> Array:
+def precision_of(blocks: NormalEquations, family: np.ndarray, sizes: dict[int, float]) -> Array:
     """Prior precision of unknowns whose families are given, ``(p,)``, nuisances first."""
     result = np.empty(len(family))
     result[: blocks.nuisances] = 1.0 / blocks.prior**2
@@ -266,7 +266,7 @@ def scaled(A: Array) -> tuple[Array, Array]:
     return A * np.outer(scale, scale) + ROUNDING * np.eye(len(A)), scale
 
 
-def best_of(blocks: Blocks, solution: PoseSolution, N: Array, b: Array) -> Array:
+def best_of(blocks: NormalEquations, solution: PoseSolution, N: Array, b: Array) -> Array:
     """Active unknowns ``(p,)`` that fit normal equations of a part, under the sizes and the noise of a solution."""
     active = solution.active
     A, scale = scaled(N / solution.noise**2 + np.diag(precision_of(blocks, blocks.family[active], solution.sizes)))
@@ -274,7 +274,7 @@ def best_of(blocks: Blocks, solution: PoseSolution, N: Array, b: Array) -> Array
     return mode(A, b / solution.noise**2 * scale, low, high)[0] * scale
 
 
-def without(blocks: Blocks, solution: PoseSolution, rows: np.ndarray, N: Array, b: Array) -> Array:
+def without(blocks: NormalEquations, solution: PoseSolution, rows: np.ndarray, N: Array, b: Array) -> Array:
     """Members and nuisances ``(p,)`` of the active unknowns fitted without the readings ``(rows,)`` held out.
 
     N ``(P, P)`` and b ``(P,)`` are the normal equations without these. The sizes are those of all readings.
@@ -292,7 +292,7 @@ def without(blocks: Blocks, solution: PoseSolution, rows: np.ndarray, N: Array, 
     return z
 
 
-def held_out(blocks: Blocks, solution: PoseSolution, way: int) -> Array:
+def held_out(blocks: NormalEquations, solution: PoseSolution, way: int) -> Array:
     """Whitened residuals ``(rows,)`` of readings, each predicted without the part that it belongs to; nan of none.
 
     The sizes are those of all readings.
@@ -337,7 +337,7 @@ class PostureNoise:
     factors: tuple[tuple[np.ndarray, Array], ...] = ()
     waves: Array | None = None
 
-    def whitened(self, blocks: Blocks) -> Blocks:
+    def whitened(self, blocks: NormalEquations) -> NormalEquations:
         """Normal equations of the readings made independent; those of parts held out are of the readings as is."""
         if not self.factors and self.waves is None:
             return blocks
@@ -357,7 +357,7 @@ class PostureNoise:
             result -= U @ ((1.0 - 1.0 / np.sqrt(1.0 + s**2))[:, None] * (U.T @ result))
         return result
 
-    def spread(self, blocks: Blocks) -> Array:
+    def spread(self, blocks: NormalEquations) -> Array:
         """``JᵀKJ`` (P, P) with the derivatives J of the readings and their correlation K."""
         J = blocks.J.copy()
         for rows, L in self.factors:
@@ -365,7 +365,7 @@ class PostureNoise:
         return blocks.spread(J, np.zeros((len(J), 0)) if self.waves is None else self.waves)
 
 
-def noise_of(blocks: Blocks, solution: PoseSolution, place: Array) -> PostureNoise:
+def noise_of(blocks: NormalEquations, solution: PoseSolution, place: Array) -> PostureNoise:
     """The noise that the residuals of a fit to independent readings show.
 
     ``place`` (g, n) has the coordinates of the postures in rad, see `places`.
@@ -405,7 +405,7 @@ def likeliest(groups: Sequence[tuple[Array, Array]]) -> tuple[float, float]:
     return (share, reach) if best > np.log(len(REACHES)) else (0.0, REACHES[0])
 
 
-def gear_waves(blocks: Blocks, solution: PoseSolution, columns: Array) -> Array | None:
+def gear_waves(blocks: NormalEquations, solution: PoseSolution, columns: Array) -> Array | None:
     """What errors of the gears do to the readings, of the size that the residuals of a fit show; None of none.
 
     A gear errs by many waves a turn, which are the same wherever a joint takes the same angle, whatever the others
@@ -442,7 +442,7 @@ def _correlation(x: Array, reach: float) -> Array:
     return np.exp(-0.5 * distance2 / reach**2)
 
 
-def _alike(blocks: Blocks) -> list[np.ndarray]:
+def _alike(blocks: NormalEquations) -> list[np.ndarray]:
     """Rows ``(c, m)`` of the channels that were read in the same postures, for each such set of postures."""
     by_postures: dict[bytes, list[np.ndarray]] = {}
     for channel in np.unique(blocks.channel):

@@ -20,7 +20,7 @@ from vjm.kernels.newton import LOST
 from vjm.machine.equilibria import free_equilibria
 from vjm.rotations import Array, rotation_from_vector, rotation_vectors
 from vjm_updating.constants import numerical
-from vjm_updating.poses.families import COMPLIANCE, DRIFT, FACTOR, MASS, STRETCH, VALUE, Member
+from vjm_updating.poses.families import COMPLIANCE, DRIFT, FACTOR, MASS, STRETCH, VALUE, FamilyParameter
 from vjm_updating.poses.machine import RIGID, PoseMachine
 from vjm_updating.poses.measurement import PoseData
 
@@ -76,7 +76,7 @@ class ReadingsForward(ABC):
         members: numbers that a hypothesis may change.
     """
 
-    members: list[Member]
+    members: list[FamilyParameter]
 
     @property
     def nuisances(self) -> int:
@@ -130,7 +130,7 @@ class PoseForward(SeriesForward):
     ) -> None:
         self.machine, self.data = machine, data
         self.gravity = (float(gravity[0]), float(gravity[1]), float(gravity[2]))
-        self.members: list[Member] = []
+        self.members: list[FamilyParameter] = []
         tree = machine.tree
         q = machine.rows(data.q)
         self._values, self._natural = tree.values(q), tree.naturals(q)
@@ -248,11 +248,11 @@ class PoseForward(SeriesForward):
                 load[self._loads(member)] *= max(1.0 + change, 0.0)
         return self._arrays._replace(K=K, load=load, beam=beam, border_K=border_K), values
 
-    def _moves(self, member: Member) -> list[tuple[int, float]]:
+    def _moves(self, member: FamilyParameter) -> list[tuple[int, float]]:
         """One-degree joints that a member of joints' values moves, and by which share."""
         return self.machine.moves.get(member.index, [(member.index, 1.0)])
 
-    def _loads(self, member: Member) -> list[int]:
+    def _loads(self, member: FamilyParameter) -> list[int]:
         """Weights of the part that a member of masses belongs to."""
         own = self.machine.masses[member.index]
         return [k for k, name in enumerate(self.machine.masses) if name == own]

@@ -19,7 +19,7 @@ from vjm_updating.constants import definition, numerical, shown, stated_level
 from vjm_updating.inference.bounded_normal import truncated_draws
 from vjm_updating.inference.significance import NORMAL_95
 from vjm_updating.poses.document import MemberRow, NextRow, RangeRow
-from vjm_updating.poses.fit import Blocks, PoseSolution, PostureNoise, best_of, precision_of, scaled, solve
+from vjm_updating.poses.fit import NormalEquations, PoseSolution, PostureNoise, best_of, precision_of, scaled, solve
 from vjm_updating.poses.pooled import between
 from vjm_updating.poses.state import Candidates, FittedState
 from vjm_updating.poses.study import Study
@@ -66,7 +66,7 @@ class Marginal:
         return low if side > 0 else min(first, low), high if side < 0 else max(last, high)
 
 
-def marginals(blocks: Blocks, solution: PoseSolution, noise: PostureNoise) -> Marginal:
+def marginals(blocks: NormalEquations, solution: PoseSolution, noise: PostureNoise) -> Marginal:
     """The marginals of a fit, nuisances first.
 
     The fit takes readings as independent. What it errs by counts their correlation, the noise.
@@ -304,10 +304,10 @@ def next_postures(study: Study, state: FittedState, listed: Candidates | None = 
     active = state.solution.active
     # of one reading
     sigma = np.nanmedian(state.sigma, axis=0)
-    sigma = np.where(np.isfinite(state.at.residual).any(axis=0), sigma, np.inf).reshape(-1, 1)
+    sigma = np.where(np.isfinite(state.linearised.residual).any(axis=0), sigma, np.inf).reshape(-1, 1)
     rows = np.nan_to_num(J.reshape(len(possible), len(sigma), -1)[..., active] / sigma)
     keep = np.linspace(0, len(study.data) - 1, min(SAMPLE, len(study.data))).astype(int)
-    seen = np.concatenate([state.at.nuisance, state.at.member], axis=3)[keep][..., :3, :]
+    seen = np.concatenate([state.linearised.nuisance, state.linearised.member], axis=3)[keep][..., :3, :]
     view = seen.reshape(-1, seen.shape[-1])[:, active]
     return [_chosen(study, criterion, state, rows, view, possible) for criterion in CRITERIA]
 

@@ -16,8 +16,8 @@ from scipy.linalg import cho_factor, cho_solve
 from vjm.io.provenance import digest
 from vjm.rotations import Array
 from vjm_updating.constants import numerical, prior_scale
-from vjm_updating.poses.families import COMPLIANCE, DRIFT, ZEROS, Member
-from vjm_updating.poses.fit import Blocks, scaled, solve
+from vjm_updating.poses.families import COMPLIANCE, DRIFT, ZEROS, FamilyParameter
+from vjm_updating.poses.fit import NormalEquations, scaled, solve
 from vjm_updating.poses.forward import (
     BASE_PLACE,
     BASE_TURN,
@@ -93,7 +93,7 @@ class PooledForward(ReadingsForward):
     """The model of the readings of all groups."""
 
     def __init__(
-        self, groups: Sequence[GroupForward], members: list[Member], markers: int, names: list[str]
+        self, groups: Sequence[GroupForward], members: list[FamilyParameter], markers: int, names: list[str]
     ) -> None:
         self.groups, self.members, self._markers, self._names = tuple(groups), members, markers, names
 
@@ -202,9 +202,9 @@ class PooledStudy(Study):
 
     # --- the members of the machine, and of each group ----------------------------------------------------------
 
-    def _pooled_members(self) -> list[Member]:
+    def _pooled_members(self) -> list[FamilyParameter]:
         """Members of all groups by name, of one scale; a drift is of its group."""
-        members: dict[str, Member] = {}
+        members: dict[str, FamilyParameter] = {}
         for i, one in enumerate(self.groups):
             for member in one.all_members:
                 name = self._shared_name(i, member)
@@ -217,12 +217,12 @@ class PooledStudy(Study):
             for m in sorted(members.values(), key=lambda m: order[m.family])
         ]
 
-    def _shared_name(self, group: int, member: Member) -> str:
+    def _shared_name(self, group: int, member: FamilyParameter) -> str:
         if member.kind != DRIFT:
             return member.name
         return f"{member.name} ({self.groups[group].data.file}, part {group + 1})"
 
-    def _pooled_basis(self, member: Member) -> Array:
+    def _pooled_basis(self, member: FamilyParameter) -> Array:
         basis = np.zeros(len(self.data))
         for i, rows in enumerate(self._rows):
             own = self._own(i, member)
@@ -230,7 +230,7 @@ class PooledStudy(Study):
                 basis[rows] = own.basis
         return basis
 
-    def _own(self, group: int, member: Member) -> Member | None:
+    def _own(self, group: int, member: FamilyParameter) -> FamilyParameter | None:
         """A group's member of a name, in the scale of all groups."""
         known = {self._shared_name(group, m): m for m in self.groups[group].all_members}
         own = known.get(member.name)
@@ -331,7 +331,7 @@ class PooledStudy(Study):
             ]
         )
 
-    def blocks(self, linearised: Linearised, z: Array, sigma: Array, hypothesis: Hypothesis) -> Blocks:
+    def blocks(self, linearised: Linearised, z: Array, sigma: Array, hypothesis: Hypothesis) -> NormalEquations:
         """Normal equations of all members and nuisances at a state; a channel is one of a group."""
         made = super().blocks(linearised, z, sigma, hypothesis)
         group = np.repeat(np.arange(len(self.groups)), [len(one.data) for one in self.groups])
@@ -377,12 +377,12 @@ ZERO = "zero: "
 """Begins the name of what a zero of a group is off the shared one; its member's name follows."""
 
 
-def zero_of(member: Member) -> str:
+def zero_of(member: FamilyParameter) -> str:
     """Name of what a zero of a group is off the shared one."""
     return f"{ZERO}{member.name}"
 
 
-def unknowns_of(forward: ReadingsForward, zeros: Sequence[Member]) -> list[tuple[str, int]]:
+def unknowns_of(forward: ReadingsForward, zeros: Sequence[FamilyParameter]) -> list[tuple[str, int]]:
     """Nuisances and zeros of a group: the name of each, and which it is among those of the name."""
     names = [*forward.nuisance_names(), *map(zero_of, zeros)]
     return [(name, names[:i].count(name)) for i, name in enumerate(names)]
@@ -472,7 +472,7 @@ class Scatter:
 
 
 @dataclass(frozen=True)
-class ScatteredBlocks(Blocks):
+class ScatteredBlocks(NormalEquations):
     """Normal equations with the deviations of series integrated out.
 
     Attributes:
@@ -518,7 +518,7 @@ class ScatteredBlocks(Blocks):
         return N, b, c
 
     def spread(self, correlated: Array, common: Array) -> Array:
-        """``JᵀW (K + D Dᵀ + G T Gᵀ) W J`` with the weights W that the deviations leave; see `Blocks.spread`."""
+        """``JᵀW (K + D Dᵀ + G T Gᵀ) W J`` with the weights W left, as `NormalEquations.spread`."""
         assert self.series is not None
         assert self.variance is not None
         own = np.flatnonzero(self.variance)
@@ -579,7 +579,7 @@ def _reach(study: Study, state: FittedState) -> Array:
     return result
 
 
-def _scattered(blocks: Blocks, series: np.ndarray, variance: Array) -> ScatteredBlocks:
+def _scattered(blocks: NormalEquations, series: np.ndarray, variance: Array) -> ScatteredBlocks:
     made = ScatteredBlocks(**vars(blocks), series=series, variance=variance)
     N, b, c = made.integrated(np.zeros(len(series), dtype=bool))
     parts = []

@@ -14,7 +14,7 @@ from vjm.io.fields import rotation
 from vjm.rotations import Array, rotation_from_vector
 from vjm_updating.constants import numerical
 from vjm_updating.inference.significance import median_sigma
-from vjm_updating.poses.families import Member, members_of
+from vjm_updating.poses.families import FamilyParameter, members_of
 from vjm_updating.poses.forward import Frames, Linearised, PoseForward, SeriesForward
 from vjm_updating.poses.machine import PoseMachine
 from vjm_updating.poses.measurement import BaseGuess, PoseData, PoseSheet, ends_of
@@ -157,7 +157,7 @@ class PoseStudy(SeriesStudy):
         """The model of readings of the test, by a machine and without members."""
         return PoseForward(machine, data, self.sheet.test.gravity)
 
-    def members_for(self, forward: SeriesForward) -> list[Member]:
+    def members_for(self, forward: SeriesForward) -> list[FamilyParameter]:
         """All members that the data can show."""
         members = members_of(self.machine, self.data, forward.torques(), ordered=self.ordered)
         return [m for m in members if not (self.sheet.at_output and m.family in BEHIND_ENCODERS)]

@@ -373,7 +373,7 @@ def _once(findings: Sequence[Finding]) -> list[Finding]:
 
 def _weighed_down(study: Study, state: FittedState) -> list[rows.WeighedDownRow]:
     """Readings that count little, those one after another together, marker by marker."""
-    off, result = study.distance(state.at.residual), []
+    off, result = study.distance(state.linearised.residual), []
     file = [one.data.file for one in study.groups for _ in range(len(one.data))]
     group = np.repeat(np.arange(len(study.groups)), [len(one.data) for one in study.groups])
     for k, marker in enumerate(study.data.markers):

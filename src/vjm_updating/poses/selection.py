@@ -18,7 +18,7 @@ import numpy as np
 
 from vjm.rotations import Array
 from vjm_updating.constants import numerical
-from vjm_updating.diagnosis.document import SURE, WeighedCauses
+from vjm_updating.diagnosis.document import SURE, PosteriorSample
 from vjm_updating.inference.significance import RARER
 from vjm_updating.poses.families import DRIVES
 from vjm_updating.poses.held_out import distances_of, errors_at_ends, saved, worse_with
@@ -124,7 +124,7 @@ class Selection:
         cost = len(chosen) * float(np.log(max(len(self.possible), 1))) + 0.5 * RARER * max(len(chosen) - 1, 0)
         return self.study.evidence(state, hypothesis) - cost
 
-    def weighed(self) -> list[WeighedCauses]:
+    def weighed(self) -> list[PosteriorSample]:
         """The last hypothesis and those one move off, with their probabilities.
 
         Of those that are near, or seem better, the evidence is that of their own fit. At another one, a family
@@ -141,7 +141,7 @@ class Selection:
         # what was refused, or found to be worse once it had settled, is not likelier than what was chosen
         w = np.exp(np.minimum(list(gains.values()), 0.0))
         return [
-            WeighedCauses({name: [name] for name in sorted(names)}, float(p))
+            PosteriorSample({name: [name] for name in sorted(names)}, float(p))
             for names, p in zip(gains, w / w.sum(), strict=True)
         ]
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from vjm.rotations import Array
 from vjm_updating.constants import numerical
-from vjm_updating.poses.fit import Blocks, PoseSolution, PostureNoise
+from vjm_updating.poses.fit import NormalEquations, PoseSolution, PostureNoise
 from vjm_updating.poses.forward import Frames, Linearised
 
 RANDOM, REGIONS = numerical(5), numerical(5)
@@ -223,7 +223,7 @@ class FittedState:
         hypothesis: what is thought wrong.
         z: ``(P,)`` members, in units.
         frames: nuisances.
-        at: the model there.
+        linearised: the model there.
         blocks: normal equations of all members there.
         solution: the linear fit there.
         noise: how readings of like postures are correlated.
@@ -236,11 +236,11 @@ class FittedState:
     hypothesis: Hypothesis
     z: Array
     frames: Frames
-    at: Linearised
-    blocks: Blocks
+    linearised: Linearised
+    blocks: NormalEquations
     solution: PoseSolution
     noise: PostureNoise
-    whitened: Blocks
+    whitened: NormalEquations
     errors: Errors
     sigma: Array
     weight: Array

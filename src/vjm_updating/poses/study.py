@@ -24,11 +24,11 @@ from vjm_updating.experiment.data_file import SheetError
 from vjm_updating.inference.model_error import integrated, principal
 from vjm_updating.inference.significance import FALSE_ALARMS, LAW_ERROR, too_many
 from vjm_updating.poses.document import NotKnownRow
-from vjm_updating.poses.families import COMPLIANCE, LARGEST, STRETCH, WAVES, Member
+from vjm_updating.poses.families import COMPLIANCE, LARGEST, STRETCH, WAVES, FamilyParameter
 from vjm_updating.poses.fit import (
     NO_FAMILY,
     SMALLEST_SIZE,
-    Blocks,
+    NormalEquations,
     PoseSolution,
     PostureNoise,
     blocks_of,
@@ -57,7 +57,7 @@ EXACT = ("joint_offset", "frame_error", "gravity", "encoder_scale", "instrument_
 """Families whose laws are geometry or scales."""
 
 
-def law_shape(member: Member, data: PoseData, bearing: Array) -> Array | None:
+def law_shape(member: FamilyParameter, data: PoseData, bearing: Array) -> Array | None:
     """Functions of the posture ``(g, k)`` by which the law of a member may be off; None: it is exact.
 
     Args:
@@ -85,8 +85,8 @@ def _smooth(argument: Array) -> Array | None:
 
 
 def law_evidence(
-    blocks: Blocks, shapes: Sequence[Array | None], members: Sequence[Member], solution: PoseSolution,
-    noise: PostureNoise, whitened: Blocks,
+    blocks: NormalEquations, shapes: Sequence[Array | None], members: Sequence[FamilyParameter],
+    solution: PoseSolution, noise: PostureNoise, whitened: NormalEquations,
 ) -> float:  # fmt: skip
     """What the discrepancy of its families adds to the logarithm of a fit's evidence.
 
@@ -142,8 +142,8 @@ TURNED = ("gear_error", "encoder_scale")
 
 
 def knowable(
-    members: Sequence[Member], machine: PoseMachine, data: PoseData, torque: Array
-) -> tuple[list[Member], tuple[NotKnownRow, ...]]:
+    members: Sequence[FamilyParameter], machine: PoseMachine, data: PoseData, torque: Array
+) -> tuple[list[FamilyParameter], tuple[NotKnownRow, ...]]:
     """The members that the data can know, and the others with the reason.
 
     ``torque`` (n_tree,) has the standard deviation over the postures of what each coordinate bears, N mm or N.
@@ -160,7 +160,7 @@ def knowable(
     return asked, tuple(others.values())
 
 
-def _reason(member: Member, machine: PoseMachine, data: PoseData, torque: Array) -> str:
+def _reason(member: FamilyParameter, machine: PoseMachine, data: PoseData, torque: Array) -> str:
     """Why a member cannot be known; empty where it can."""
     # a sliding spring's force counts at the machine's reach
     arm = machine.tree.reach if member.unit == "mm/N" else 1.0
@@ -269,8 +269,8 @@ class Study(ABC):
     data: PoseData
     machine: PoseMachine
     outliers: tuple[Outlier, ...]
-    all_members: list[Member]
-    members: list[Member]
+    all_members: list[FamilyParameter]
+    members: list[FamilyParameter]
     families: tuple[str, ...]
     unasked: tuple[NotKnownRow, ...]
     prior: Array
@@ -373,7 +373,7 @@ class Study(ABC):
             noise = replace(noise, waves=gear_waves(state.blocks, state.solution, columns))
         return replace(state, noise=noise, whitened=noise.whitened(state.blocks))
 
-    def _waves(self, blocks: Blocks) -> Array | None:
+    def _waves(self, blocks: NormalEquations) -> Array | None:
         """What waves of the gears do to the whitened readings ``(rows, w)``, per mrad; None where none is seen."""
         waves = []
         for i, m in enumerate(self.members):
@@ -400,7 +400,7 @@ class Study(ABC):
         weight = np.minimum((TAIL + count) / (TAIL + square), 1.0)
         return said / np.sqrt(weight)[..., None], weight
 
-    def blocks(self, linearised: Linearised, z: Array, sigma: Array, hypothesis: Hypothesis) -> Blocks:
+    def blocks(self, linearised: Linearised, z: Array, sigma: Array, hypothesis: Hypothesis) -> NormalEquations:
         """Normal equations of all members and nuisances at a state."""
         J = np.concatenate([linearised.nuisance, linearised.member], axis=3)
         n = linearised.nuisance.shape[3]
@@ -414,7 +414,7 @@ class Study(ABC):
             float(np.median((self.stated() / sigma)[self.present] ** 2)),
         )  # fmt: skip
 
-    def of(self, blocks: Blocks, hypothesis: Hypothesis) -> Blocks:
+    def of(self, blocks: NormalEquations, hypothesis: Hypothesis) -> NormalEquations:
         """The same normal equations for a hypothesis that keeps other members."""
         return replace(blocks, family=self._family(blocks.nuisances, hypothesis))
 
@@ -423,7 +423,7 @@ class Study(ABC):
         own = [NO_FAMILY if m.name in hypothesis.kept else self.number(m.family) for m in self.members]
         return np.array([-1] * nuisances + own, dtype=int)
 
-    def errors(self, blocks: Blocks, solution: PoseSolution, sigma: Array) -> Errors:
+    def errors(self, blocks: NormalEquations, solution: PoseSolution, sigma: Array) -> Errors:
         """Distances by the linear fit, of readings fitted and held out; nan where nothing can be held out."""
         active = solution.active
         fitted = blocks.y - blocks.J[:, active] @ solution.z[active]
@@ -471,14 +471,16 @@ class Study(ABC):
         by_laws = law_evidence(blocks, self._law_shapes, self.members, solution, state.noise, whitened)
         return solution.evidence + by_laws
 
-    def compared(self, state: FittedState, hypothesis: Hypothesis) -> tuple[Blocks, Blocks, PoseSolution]:
+    def compared(
+        self, state: FittedState, hypothesis: Hypothesis
+    ) -> tuple[NormalEquations, NormalEquations, PoseSolution]:
         """Readings as they are, made independent, and the linear fit of another hypothesis at a state to these."""
         blocks = self.blocks_for(state, hypothesis)
         same = set(hypothesis.as_deflected) == set(state.hypothesis.as_deflected)
         whitened = self.of(state.whitened, hypothesis) if same else state.noise.whitened(blocks)
         return blocks, whitened, solve(whitened, self.numbers(hypothesis), state.solution.sizes)
 
-    def blocks_for(self, state: FittedState, hypothesis: Hypothesis) -> Blocks:
+    def blocks_for(self, state: FittedState, hypothesis: Hypothesis) -> NormalEquations:
         """Normal equations of another hypothesis at a state; couplings are linearised anew."""
         if set(hypothesis.as_deflected) == set(state.hypothesis.as_deflected):
             return self.of(state.blocks, hypothesis)
@@ -519,7 +521,7 @@ class SeriesStudy(Study):
         """The model of readings of the test, by a machine and without members."""
 
     @abstractmethod
-    def members_for(self, forward: SeriesForward) -> list[Member]:
+    def members_for(self, forward: SeriesForward) -> list[FamilyParameter]:
         """All members that the data can show."""
 
     @abstractmethod

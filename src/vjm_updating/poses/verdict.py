@@ -15,7 +15,7 @@ from numpy.polynomial.legendre import legvander
 from vjm.io.findings import Finding, Grade
 from vjm.rotations import Array
 from vjm_updating.constants import stated_level, tuned
-from vjm_updating.diagnosis.document import SURE, WeighedCauses, credible
+from vjm_updating.diagnosis.document import SURE, PosteriorSample, credible
 from vjm_updating.experiment.mistakes import columns_mistaken
 from vjm_updating.inference.significance import CUT, f_logsf, level, median_sigma, more_than_noise, normal_isf
 from vjm_updating.poses.changes import ChangeKind, ChangePoint
@@ -69,7 +69,7 @@ def contrasts(study: Study, state: FittedState) -> list[PoseContrastRow]:
             if np.ptp(torque) > 0.0:
                 asked[f"measured torque of {part}", "torque"] = [torque[blocks.posture][:, None] * column]
             if part in weighed:
-                size = np.abs(state.at.torque[:, j])[blocks.posture][:, None]
+                size = np.abs(state.linearised.torque[:, j])[blocks.posture][:, None]
                 asked[f"size of the torque of {part}, not its sign", "one side"] = [size * column]
     result = [_share(name, kind, left, Q, np.hstack(columns)) for (name, kind), columns in asked.items()]
     result.append(_by_region(study, state, left, Q))
@@ -126,7 +126,7 @@ def _by_region(study: Study, state: FittedState, left: Array, Q: Array) -> PoseC
 
 def shared(study: Study, state: FittedState) -> PoseContrastRow:
     """Whether the markers' residuals move together, posture by posture."""
-    residual, tilt = state.at.residual[..., :3], state.at.tilt[..., :3, :]
+    residual, tilt = state.linearised.residual[..., :3], state.linearised.tilt[..., :3, :]
     explained = total = chance = 0.0
     for r, T in zip(residual, tilt, strict=True):
         seen = np.isfinite(r).all(axis=1)
@@ -154,7 +154,7 @@ def correlations(study: Study, state: FittedState) -> list[float]:
     """Correlation of the first two markers' residuals along each axis of the tracker, ``(3,)``."""
     if len(study.data.markers) < 2:
         return []
-    a, b = state.at.residual[:, 0, :3], state.at.residual[:, 1, :3]
+    a, b = state.linearised.residual[:, 0, :3], state.linearised.residual[:, 1, :3]
     both = np.isfinite(a).all(axis=1) & np.isfinite(b).all(axis=1)
     if both.sum() < 3:
         return []
@@ -221,7 +221,7 @@ class PoseVerdict:
     kind: str
     causes: tuple[str, ...]
     alternatives: tuple[tuple[str, ...], ...]
-    weighed: tuple[WeighedCauses, ...]
+    weighed: tuple[PosteriorSample, ...]
     explained: float
     remainder: RemainderRow
     halves: HalvesRow | None
@@ -358,7 +358,7 @@ def remainder_of(
 
     ``jumped`` is a change in the course of the file, where one is found.
     """
-    scaled = np.abs(state.at.residual[..., :3] / study.data.sigma)[np.isfinite(study.data.position)]
+    scaled = np.abs(state.linearised.residual[..., :3] / study.data.sigma)[np.isfinite(study.data.position)]
     used = state.blocks.nuisances + sum(state.solution.effective.values())
     freedom = len(scaled) * max(1.0 - used / max(state.blocks.count, 1), 0.1)
     # a few that scatter far are not what all have in common
@@ -383,7 +383,7 @@ def remainder_of(
     return RemainderRow(over_noise=over, significant=True, kind=kind, words=words, share=share)
 
 
-def _alternatives(weighed: Sequence[WeighedCauses], causes: Sequence[str]) -> tuple[tuple[str, ...], ...]:
+def _alternatives(weighed: Sequence[PosteriorSample], causes: Sequence[str]) -> tuple[tuple[str, ...], ...]:
     """Other sets of families that are needed to hold the right one with 95 %, the likeliest first.
 
     None that says the same with more families.
@@ -396,7 +396,9 @@ def _alternatives(weighed: Sequence[WeighedCauses], causes: Sequence[str]) -> tu
     return tuple(tuple(sorted(names)) for names in sets if names != best)
 
 
-def _with_compensators(study: Study, state: FittedState, weighed: Sequence[WeighedCauses]) -> list[WeighedCauses]:
+def _with_compensators(
+    study: Study, state: FittedState, weighed: Sequence[PosteriorSample]
+) -> list[PosteriorSample]:
     """The same, with a spring between points in place of errors of the gears where these are waves of one joint.
 
     A gravity compensator that the model lacks turns the drive of a joint that bears weight by a function of the
@@ -412,7 +414,7 @@ def _with_compensators(study: Study, state: FittedState, weighed: Sequence[Weigh
         others = [
             {(joint if name == GEARS else name): place for name, place in one.places.items()} for joint in springs
         ]
-        result += [WeighedCauses(places, share) for places in (one.places, *others)]
+        result += [PosteriorSample(places, share) for places in (one.places, *others)]
     return result
 
 

@@ -378,7 +378,7 @@ def _as_in_file(study: Study, state: FittedState, kept: Collection[str]) -> tupl
 
 def _said(finding: Finding) -> tuple[str, str]:
     """Where in a file, and what."""
-    return finding.where.partition(": ")[2], finding.found
+    return finding.where.partition(": ")[2], finding.description
 
 
 AXES = ("x", "y", "z")

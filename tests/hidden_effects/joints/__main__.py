@@ -22,7 +22,7 @@ def judged(seed: int, folder: Path) -> dict[str, Any]:
     joint = drawn(seed)
     begun = time.process_time()
     try:
-        document = diagnose_ramps(read_measurement(*write(folder, joint, seed))).found
+        document = diagnose_ramps(read_measurement(*write(folder, joint, seed))).figures
     except (NoConvergenceError, ValueError) as error:
         return {"seed": seed, "causes": joint.causes, "strengths": strengths(joint), "error": str(error)}
     strong = strengths(joint)

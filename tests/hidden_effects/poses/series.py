@@ -123,7 +123,7 @@ def run(seed: int, folder: Path, count: int | None = None, families: tuple[str, 
     # mistakes of data are not asked for: none are made, and this takes half of the time
     test = replace(together([read_test(*files[:2]) for files in made]), considered=lambda strict: [])
     result = calibrate_poses(test, families=families)
-    found = result.found
+    found = result.figures
     text, worth = result.models["calibrated-model.toml"], ""
     if text:
         (folder / "calibrated.toml").write_text(text, encoding="utf-8")

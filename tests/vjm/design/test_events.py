@@ -9,7 +9,7 @@ from helpers.parameters import joint_compliance, orientation
 
 from vjm.continuation.path import EventKind
 from vjm.design.critical import event_rates
-from vjm.design.linear_state import question
+from vjm.design.linear_state import loaded_posture
 from vjm.engines import VjmEngine
 from vjm.io.machine_file import load_model
 from vjm.io.model_file import load_chain
@@ -59,7 +59,7 @@ def joint_angle(chain: Machine, posture: str, joint: str) -> Parameter:
 def rates_of(engine, machine, path, parameters, which=0):
     """Of one event of a path; of a knee with the slopes of the unloaded stiffness by differences."""
     case = path.load_case
-    asked = question(machine, case.posture, displacement=np.zeros(6), engine=engine)
+    asked = loaded_posture(machine, case.posture, displacement=np.zeros(6), engine=engine)
 
     def unloaded(parameter):
         def stiffness(value):
@@ -207,7 +207,7 @@ def test_other_load_cases_and_events_without_a_state_are_refused(soft, traced):
         rates_of(engine, soft, bare, [factor])
     with pytest.raises(ValueError, match="not of this engine and machine"):
         rates_of(VjmEngine(2), soft, path, [factor])
-    asked = question(soft, "A", displacement=np.zeros(6), engine=engine)
+    asked = loaded_posture(soft, "A", displacement=np.zeros(6), engine=engine)
     free = replace(path, load_case=replace(path.load_case, free=("rx",)))
     with pytest.raises(ValueError, match="whole imposed pose only"):
         event_rates(asked, free, [factor], np.zeros(1))

@@ -9,7 +9,7 @@ from scipy.optimize import brentq
 
 import vjm
 from vjm.design.changes import posed
-from vjm.design.linear_state import question, state_of
+from vjm.design.linear_state import loaded_posture, state_of
 from vjm.design.modes import AlongMotions, ModesVerdict, eigenmodes, frequency_rates, mass_matrix, modes, total_mass
 from vjm.engines import VjmEngine
 from vjm.io.file_parameters import MachineFiles
@@ -140,7 +140,7 @@ def test_a_rod_vibrates_along_itself():
 def test_the_lowest_torsion_has_the_polar_inertia():
     """f = √(GJ/ρI_p)/4L."""
     chain = Machine("rod", (Beam("rod", LENGTH, section=rod()),), postures={"straight": np.zeros(0)})
-    state = state_of(question(chain))
+    state = state_of(loaded_posture(chain))
     # turns about x alone: of a chain of torsion springs they are decoupled
     n = np.arange(3, state.n, 6)
     M, K = mass_matrix(state)[np.ix_(n, n)], state.tangent[np.ix_(n, n)]
@@ -234,7 +234,7 @@ def test_a_machine_on_a_soft_frame_moves_with_its_whole_mass(six_joints):
         chain = replace(
             six_joints, parts=(Joint("frame", axis, slides=True, passive=True, fixed=True, compliance=1.0), *heavy)
         )
-        state = state_of(question(chain, "bent"))
+        state = state_of(loaded_posture(chain, "bent"))
         M = mass_matrix(state)
         assert M[0, 0] == pytest.approx(total_mass(state.question), rel=1e-12)
         assert np.linalg.eigvalsh(M).min() > -1e-12 * np.abs(M).max()
@@ -250,7 +250,7 @@ def test_the_mass_matrix_is_the_kinetic_energy_of_moving_points(six_joints):
             for p in chain.parts
         ),
     )
-    state = state_of(question(heavy, "bent"))
+    state = state_of(loaded_posture(heavy, "bent"))
     rate, h = np.random.default_rng(1).standard_normal(state.n), 1e-5
     energy = 0.0
     for part in heavy.parts:
@@ -284,7 +284,7 @@ def test_the_mass_matrix_of_a_urdf_is_pinocchio_s(tmp_path, name):
         assert file is not None, f"example-robot-data has no {name}"
     found = import_urdf(file)
     chain = build_chain(found.document, "m.toml")
-    state = state_of(question(chain))
+    state = state_of(loaded_posture(chain))
     robot = pinocchio.buildModelFromUrdf(str(file))
     data, q = robot.createData(), pinocchio.neutral(robot)
     rows = []
@@ -399,7 +399,7 @@ def test_the_mass_of_one_motion_is_that_of_the_matrix(name):
     """Of beams, rigid bodies and rotors, which resist the turn of a joint alone."""
     machine = vjm.load(name)
     parts = (replace(p, rotor=5e4) if isinstance(p, Joint) and not p.fixed else p for p in machine.parts)
-    state = state_of(question(replace(machine, parts=tuple(parts)), gravity=(0.0, 0.0, -9.81)))
+    state = state_of(loaded_posture(replace(machine, parts=tuple(parts)), gravity=(0.0, 0.0, -9.81)))
     motions = np.random.default_rng(3).normal(size=(state.n, 2)) * state.unit[:, None]
     whole = motions.T @ mass_matrix(state) @ motions
     # two orders of the same sums
@@ -425,7 +425,7 @@ def test_rates_are_those_of_differences(model, keys, gravity):
     files = MachineFiles.read(model)
     machine = files.machine()
     posture = next(iter(machine.postures))
-    asked = question(machine, posture, gravity=(0.0, 0.0, -9.81) if gravity else None, engine=VjmEngine(4))
+    asked = loaded_posture(machine, posture, gravity=(0.0, 0.0, -9.81) if gravity else None, engine=VjmEngine(4))
     state = state_of(asked)
     values, motions = eigenmodes(state, 4)
     parameters = [files.parameter(key, posture) for key in keys]
@@ -442,7 +442,7 @@ def test_rates_are_those_of_differences(model, keys, gravity):
 def test_equal_frequencies_part(cantilever):
     """A round rod that is made stiffer about one axis: of each pair one mode follows √EI, the other one stays."""
     chain = cantilever()
-    asked = question(chain, "", engine=VjmEngine(8))
+    asked = loaded_posture(chain, "", engine=VjmEngine(8))
     state = state_of(asked)
     values, motions = eigenmodes(state, 4)
     frequency = np.sqrt(values) / (2.0 * np.pi)

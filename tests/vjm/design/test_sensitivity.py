@@ -13,7 +13,7 @@ import vjm
 from vjm.design import sensitivity as module
 from vjm.design.changes import residual_forces
 from vjm.design.critical import critical_state
-from vjm.design.linear_state import question, state_of
+from vjm.design.linear_state import loaded_posture, state_of
 from vjm.design.modes import modes, total_mass
 from vjm.design.sensitivity import DesignQuantity, sensitivity, verified
 from vjm.engines import VjmEngine
@@ -56,7 +56,7 @@ def solved(machine, quantity, along, label, loads):
     """The quantity of an equilibrium that is solved for."""
     if quantity is DesignQuantity.FREQUENCY:
         return modes(machine, label, number=1, **loads).frequencies[0]
-    state = state_of(question(machine, label, **loads))
+    state = state_of(loaded_posture(machine, label, **loads))
     if quantity is DesignQuantity.MASS:
         return total_mass(state.question)
     k = ["x", "y", "z", "rx", "ry", "rz"].index(along)
@@ -148,9 +148,9 @@ def test_files_make_the_machine_that_is_loaded():
     loads = {"wrench": (20.0, -10.0, -15.0, 0.0, 500.0, 200.0), "engine": VjmEngine(2)}
     files = MachineFiles.read("delta")
     for posture in ("home", "low"):
-        ours = state_of(question(files.machine(posture), posture, **loads)).moved
+        ours = state_of(loaded_posture(files.machine(posture), posture, **loads)).moved
         # the same numbers by the same equations: rounding
-        assert ours == pytest.approx(state_of(question(vjm.load("delta"), posture, **loads)).moved, rel=1e-12)
+        assert ours == pytest.approx(state_of(loaded_posture(vjm.load("delta"), posture, **loads)).moved, rel=1e-12)
 
 
 def test_a_number_of_a_chain_file_changes_all_legs_of_it(tmp_path):
@@ -242,7 +242,7 @@ def test_derivatives_of_critical_loads_are_differences(tmp_path, name, key, post
     engine = VjmEngine(2)
 
     def critical(value):
-        return critical_state(question(parameter.apply(machine, value), posture, engine=engine, **loads))
+        return critical_state(loaded_posture(parameter.apply(machine, value), posture, engine=engine, **loads))
 
     assert critical(parameter.value).limit is limit
     found = sensitivity(machine, [parameter], "critical", posture, engine=engine, **loads)
@@ -265,7 +265,7 @@ def test_a_factor_halves_the_deflection():
     assert first.parameter == "shoulder.compliance_rad_per_Nmm"
     parameter = next(p for p in parameters if p.name == first.parameter)
     halved = parameter.apply(machine, first.factor * parameter.value)
-    moved = state_of(question(halved, "stretched", **loads)).moved
+    moved = state_of(loaded_posture(halved, "stretched", **loads)).moved
     assert moved[1] == pytest.approx(0.5 * found.value, rel=1e-5)
     # the elbow has 28 % of the deflection: without it 72 % are left
     assert second.parameter == "elbow.compliance_rad_per_Nmm"
@@ -329,7 +329,7 @@ CASES = {
 
 @pytest.mark.parametrize(("name", "asked"), CASES.values(), ids=CASES)
 def test_the_tangent_is_the_derivative_of_the_forces(name, asked):
-    state = state_of(question(vjm.load(name), **asked))
+    state = state_of(loaded_posture(vjm.load(name), **asked))
     # solvers stop at 1e-11 of the machine's scale
     scale = np.broadcast_to(state.model.coordinate_scale, state.model.size)[: state.n]
     assert np.abs(residual_forces(state) * scale).max() < 1e-9 * np.abs(state.reactions[: state.n] * scale).max()
@@ -350,7 +350,7 @@ def test_the_tangent_is_the_derivative_of_the_forces(name, asked):
 @pytest.mark.parametrize("name", ["orthoglide", "hexapod", "palletiser"])
 def test_the_compliance_is_that_of_the_compiled_kernel(name):
     machine, asked = vjm.load(name), CASES["platform"][1]
-    state = state_of(question(machine, **asked))
+    state = state_of(loaded_posture(machine, **asked))
     N = state.motions
     C = state.jacobian @ N @ np.linalg.solve(N.T @ state.tangent @ N, N.T @ state.jacobian.T)
     K = vjm.stiffness(machine, state.question.posture, engine=state.question.engine, **asked).loaded
@@ -358,11 +358,11 @@ def test_the_compliance_is_that_of_the_compiled_kernel(name):
 
 
 def test_conservative_loads_have_a_symmetric_tangent():
-    state = state_of(question(vjm.load("palletiser"), **CASES["loops and a spring between points"][1]))
+    state = state_of(loaded_posture(vjm.load("palletiser"), **CASES["loops and a spring between points"][1]))
     assert state.conservative
     A = state.motions.T @ state.tangent @ state.motions
     np.testing.assert_allclose(A, A.T, atol=1e-13 * np.abs(A).max())
-    assert not state_of(question(vjm.load("planar-2r"), **CASES["arm with a follower"][1])).conservative
+    assert not state_of(loaded_posture(vjm.load("planar-2r"), **CASES["arm with a follower"][1])).conservative
 
 
 # A derivative beside a difference: what agrees, what does not, and what cannot be told.
@@ -417,7 +417,7 @@ def test_every_row_is_verified_and_a_wrong_one_is_doubtful(monkeypatch):
 ])  # fmt: skip
 def test_what_the_tangent_makes_of_motions_is_what_its_matrix_makes(make, loads):
     """Of an arm with a load that turns with it, closed loops, and branches with a spring between them."""
-    asked = question(make(), wrench=(20.0, -50.0, 10.0, 100.0, 0.0, 50.0), loads=loads, engine=VjmEngine(3))
+    asked = loaded_posture(make(), wrench=(20.0, -50.0, 10.0, 100.0, 0.0, 50.0), loads=loads, engine=VjmEngine(3))
     state = state_of(asked)
     motions = np.random.default_rng(0).standard_normal((state.n, 3)) * state.unit[:, None]
     for times, matrix in ((state.tangent_times, state.tangent), (state.springs_times, state.spring_stiffness)):

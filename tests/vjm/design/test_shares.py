@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import vjm
-from vjm.design.linear_state import question, state_of
+from vjm.design.linear_state import loaded_posture, state_of
 from vjm.design.shares import shares
 from vjm.engines import VjmEngine, engine_by_name
 from vjm.model.load_case import Load
@@ -162,7 +162,7 @@ def test_the_energy_of_a_large_load_is_its_work(six_joints):
     found = shares(six_joints, "bent", wrench=force)
     # ∫ F du = F u − ∫ u dF with F = s · force
     area = sum(
-        0.5 * weight * force @ state_of(question(six_joints, "bent", wrench=0.5 * (1.0 + s) * force)).moved
+        0.5 * weight * force @ state_of(loaded_posture(six_joints, "bent", wrench=0.5 * (1.0 + s) * force)).moved
         for s, weight in zip(*steps, strict=True)
     )
     work = force @ found.deflection_loaded - area

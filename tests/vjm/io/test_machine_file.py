@@ -13,7 +13,7 @@ from vjm.io.files import toml_text
 from vjm.io.machine_file import load_model, machine_document
 from vjm.io.manipulator_file import machines
 from vjm.io.model_file import load_chain
-from vjm.machine.rigid_mechanism import Closing, RigidMechanism, home_label
+from vjm.machine.rigid_mechanism import LoopClosure, RigidMechanism, home_label
 from vjm.model.load_case import LoadCase
 from vjm.model.machine import Machine
 from vjm.model.parts import RigidOffset
@@ -40,7 +40,7 @@ def end_of(machine: Machine, posture: Posture) -> Array:
 )
 def test_mobility(name: str, freedom: int, redundant: int) -> None:
     machine = load_model(name)
-    closing = Closing(machine, home_label(machine))
+    closing = LoopClosure(machine, home_label(machine))
     found = closing.mobility(closing.home)
     assert (found.freedom, found.redundant, found.idle, found.loose.shape[1]) == (freedom, redundant, (), 0)
 

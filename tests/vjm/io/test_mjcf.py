@@ -14,7 +14,7 @@ from vjm.io.model_file import build_chain
 from vjm.io.robot_text import mjcf_leaves_out as left_out
 from vjm.io.robot_text import mjcf_text
 from vjm.machine.equilibria import unloaded_frames
-from vjm.machine.rigid_mechanism import Closing
+from vjm.machine.rigid_mechanism import LoopClosure
 from vjm.model.mechanism import Mechanism
 
 mujoco = pytest.importorskip("mujoco", reason="MuJoCo is not installed: pip install 'vjm-stiffness[mjcf]'")
@@ -234,7 +234,7 @@ def test_what_holds_bodies_together_closes_a_loop(tmp_path, held):
     found = imported(tmp_path, FOUR_BAR.format(**drawn, held=held))
     machine = build_chain(found.document, "m.toml")
     assert [joint.name for joint in machine.joints] == ["knee", "pivot"]
-    closing = Closing(machine, "home")
+    closing = LoopClosure(machine, "home")
     assert closing.mobility(closing.home).freedom == (1 if pin else 0)
     # rad; angles of the file have sixteen digits, and loops close to 1e-11
     assert closing.home == pytest.approx(np.zeros(3), abs=1e-9)
@@ -257,7 +257,7 @@ def test_a_machine_with_closed_loops_goes_to_mujoco_and_comes_back(tmp_path, nam
     back = build_chain(imported(tmp_path, text).document, "m.toml")
     assert len(back.held_joints) == len(machine.held_joints) or not machine.held_joints
     home = next(iter(machine.postures))
-    found, expected = Closing(back, "home"), Closing(machine, home)
+    found, expected = LoopClosure(back, "home"), LoopClosure(machine, home)
     assert np.abs(found.end - expected.end).max() < 1e-8
     if machine.held_joints and not machine.couplings:
         assert found.mobility(found.home).freedom == expected.mobility(expected.home).freedom

@@ -5,7 +5,7 @@ import pytest
 from helpers.imported_mjcf import MM, built, imported, mujoco_masses
 from scipy.linalg import eigh, null_space
 
-from vjm.design.linear_state import question, state_of
+from vjm.design.linear_state import loaded_posture, state_of
 from vjm.design.modes import mass_matrix, modes
 from vjm.io.errors import ModelFileError
 from vjm.io.model_file import build_chain
@@ -13,7 +13,7 @@ from vjm.io.robot_document import PLACEHOLDER
 from vjm.io.robot_file import Description, import_robot
 from vjm.io.robot_text import mjcf_text
 from vjm.io.robot_text import urdf_leaves_out as left_out
-from vjm.machine.rigid_mechanism import Closing
+from vjm.machine.rigid_mechanism import LoopClosure
 from vjm.model.mechanism import Mechanism
 
 pytestmark = pytest.mark.usefixtures("readers_in_this_process")
@@ -67,7 +67,7 @@ def test_the_mass_matrix_of_followers_is_mujocos(tmp_path, first, second, ratio,
         machine = built(tmp_path, mjcf_text(machine))
     free = ["q0", second]
     at = {"q0": 0.3, second: 0.2 if second == "q1" else 200.0}
-    state = state_of(question(machine, {joint.name: at[joint.name] for joint in machine.held_joints}))
+    state = state_of(loaded_posture(machine, {joint.name: at[joint.name] for joint in machine.held_joints}))
     q = {"q0": 0.3, second: 0.2, "q2": 0.1 - 1.5 * 0.3, first: ratio * 0.2}
     _, _, M = mujoco_masses(text, [q[f"q{k}"] for k in range(4)])
     T = np.zeros((4, 2))
@@ -196,7 +196,7 @@ def test_a_passive_joint_behind_its_follower_is_read(tmp_path):
     """The machine's other postures keep MuJoCo's constraints, the coupling's and the loop's."""
     machine = built(tmp_path, PASSIVE)
     assert [joint.name for joint in machine.held_joints] == ["ja", "jd"]
-    closing = Closing(machine, "home")
+    closing = LoopClosure(machine, "home")
     q = dict(zip(closing.tree.names, closing.held({"ja": 0.1, "jd": -0.05}).tolist(), strict=True))
     model = mujoco.MjModel.from_xml_string(PASSIVE)
     data = mujoco.MjData(model)

@@ -419,7 +419,7 @@ def test_a_file_of_a_tree_is_the_machine_that_it_says():
     assert model.ends == ("left-hand", "right-hand")
     assert model.posture("home") == pytest.approx(model.posture("row"))
     found = equilibria(model, model.posture("home"), gravity=(0.0, 0.0, -9.81))
-    assert found.found.all()
+    assert found.converged.all()
     # 8 kg and a spring of some 300 N tilt the torso by thousandths
     assert 1e-4 < np.abs(found.x).max() < 1.0
 
@@ -476,7 +476,7 @@ def test_sixty_joints_are_one_machine():
     content["parts"] = [part for i in range(60) for part in ({**joint, "name": f"q{i}"}, {**link, "name": f"l{i}"})]
     content |= {"postures": {"home": [0.01] * 60}, "ends": {}, "point_springs": []}
     model = Mechanism(build_chain(content, "m.toml").split())
-    assert equilibria(model, model.posture("home"), gravity=(0.0, 0.0, -9.81)).found.all()
+    assert equilibria(model, model.posture("home"), gravity=(0.0, 0.0, -9.81)).converged.all()
 
 
 MATERIAL = {"youngs_modulus_MPa": 1000.0, "poissons_ratio": 0.0}

@@ -15,7 +15,7 @@ import vjm
 from vjm.continuation.arc_length import trace
 from vjm.continuation.lumped_problem import LumpedProblem
 from vjm.design.critical import event_rates
-from vjm.design.linear_state import question
+from vjm.design.linear_state import loaded_posture
 from vjm.engines import VjmEngine
 from vjm.io.files import toml_text
 from vjm.io.findings import CAUSES, UNTIL, present_causes, present_document
@@ -25,7 +25,7 @@ from vjm.model.load_case import LoadCase
 from vjm.model.parameters import beam_length
 from vjm_fea.exudyn.engine import ExudynEngine
 from vjm_updating.mechanisms.equilibrium_tables import HalfRay, tabulate
-from vjm_updating.mechanisms.modified_chain import ModifiedChain, bowed
+from vjm_updating.mechanisms.modified_chain import ModifiedMachine, bowed
 from vjm_updating.mechanisms.series_elements import History, balance
 from vjm_updating.mechanisms.structure import BaseCompliance
 
@@ -96,7 +96,7 @@ def test_derivatives_know_the_bow():
         """By central differences of fourth order."""
         return (8.0 * (of(near[0]) - of(near[1])) - (of(far[0]) - of(far[1]))) / (12.0 * h)
 
-    asked = question(chain, "B", displacement=np.zeros(6), engine=engine)
+    asked = loaded_posture(chain, "B", displacement=np.zeros(6), engine=engine)
     rates = event_rates(asked, path, [length], np.array([slope(lambda path: path.tangent[0])]))
     # events are located to 1e-9 of the path, over a step of 2e-4
     assert rates.force[0] == pytest.approx(slope(lambda path: path.critical.force), rel=1e-5)
@@ -133,7 +133,7 @@ def with_mounts(c, shares=(1.0, 1.0, 1.0), about=0.0):
 def test_mounts_before_the_drive_are_an_elastic_base(posture, c, turning):
     shares = (1.0, 2.0, 0.5)
     engine = VjmEngine(12)
-    machine = ModifiedChain(load_chain("orthoglide-chain"), engine)
+    machine = ModifiedMachine(load_chain("orthoglide-chain"), engine)
     # the bar is the longest piece
     about = c * turning / 310.0**2
     path = engine.trace(with_mounts(c, shares, about), LoadCase(posture, 1.5))
@@ -209,7 +209,7 @@ def test_old_words_go_with_the_version_that_is_said():
 def test_an_old_name_of_a_cause_is_read_and_said(old, new):
     names, findings = present_causes([f"{old}.elbow", new], "--fit")
     assert names == (f"{new}.elbow", new)
-    assert [finding.found for finding in findings] == [
+    assert [finding.description for finding in findings] == [
         f"'{old}.elbow' is now called '{new}.elbow'; the old word is read until {UNTIL}"
     ]
     document, findings = present_document({"named": {"causes": [old], "title": old}}, "diagnosis.json")

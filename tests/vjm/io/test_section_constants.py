@@ -201,19 +201,19 @@ def model(section: dict, length: float) -> dict:
 
 def test_warping_that_matters_is_said():
     section = {"shape": "i_beam", "width_mm": 100.0, "height_mm": 200.0, "flange_mm": 8.5, "web_mm": 5.6}
-    (said,) = [f for f in model_findings(model(section, 2000.0), "m.toml") if "warp" in f.found]
+    (said,) = [f for f in model_findings(model(section, 2000.0), "m.toml") if "warp" in f.description]
     # √(2.6 I_w/J) with sectionproperties' constants
     row = next(row for row in ROWS if row["section"].get("web_mm") == 5.6 and row["poissons_ratio"] == 0.3)
     length = np.sqrt(2.6 * row["Iw"] / row["J"])
-    assert f"is {length:.3g} of 2000 mm" in said.found
+    assert f"is {length:.3g} of 2000 mm" in said.description
     # Vlasov: k − tanh k with k = L/λ for one end
     k = 2000.0 / length
-    assert f"by {100.0 * (k / (k - np.tanh(k)) - 1.0):.0f} %, with both" in said.found
+    assert f"by {100.0 * (k / (k - np.tanh(k)) - 1.0):.0f} %, with both" in said.description
     for quiet in ({"shape": "round_tube", "diameter_mm": 80.0, "wall_mm": 4.0},
                   {"shape": "square_tube", "width_mm": 60.0, "wall_mm": 3.0}):  # fmt: skip
-        assert not [f for f in model_findings(model(quiet, 400.0), "m.toml") if "warp" in f.found]
+        assert not [f for f in model_findings(model(quiet, 400.0), "m.toml") if "warp" in f.description]
     # thirty times as long it does not matter
-    assert not [f for f in model_findings(model(section, 60000.0), "m.toml") if "warp" in f.found]
+    assert not [f for f in model_findings(model(section, 60000.0), "m.toml") if "warp" in f.description]
 
 
 # Polygons against closed forms, against the shapes of right angles, and what is refused.

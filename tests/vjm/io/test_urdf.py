@@ -202,7 +202,7 @@ def test_a_limit_on_one_side_only_is_no_angle_in_degrees(tmp_path):
     document = import_urdf(tmp_path / "robot.urdf").document
     (limits,) = [part["limits_rad"] for part in document["parts"] if part["name"] == "j2"]
     assert limits[0] == -1.0
-    assert [one for one in model_findings(document, "robot") if "degrees" in one.found] == []
+    assert [one for one in model_findings(document, "robot") if "degrees" in one.description] == []
 
 
 @pytest.mark.parametrize(

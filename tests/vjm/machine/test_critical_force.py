@@ -9,7 +9,7 @@ from vjm.engines import VjmEngine
 from vjm.io.machine_file import load_model
 from vjm.machine.critical_force import CriticalForce, Weakest
 from vjm.machine.critical_search import TOLERANCE
-from vjm.machine.rigid_mechanism import Closing, home_label
+from vjm.machine.rigid_mechanism import LoopClosure, home_label
 from vjm.model.load_case import COMPONENTS, TO_LIMIT, Load, LoadCase
 from vjm.model.machine import Machine
 from vjm.model.mechanism import Mechanism
@@ -124,7 +124,7 @@ def test_no_direction_of_many_is_weaker_for_platforms(machine: str):
     rng = np.random.default_rng(2)
     poses = np.zeros((2, 6))
     poses[1, :3] = rng.uniform(low, high)
-    q, why = Closing(robot, home_label(robot)).all_displaced(poses)
+    q, why = LoopClosure(robot, home_label(robot)).all_displaced(poses)
     assert not any(why)
     for row, found in zip(q, CriticalForce(model, 0, 20_000.0).each(q), strict=True):
         held_to_directions(found, model, row)

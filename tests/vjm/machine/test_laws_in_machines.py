@@ -62,7 +62,7 @@ def close_to_the_energy(seed: int) -> str:
     statics = Statics(machine, values, gravity=GRAVITY, loads=loads)
     x, unit = found.x[0], model.unit
     least = least_energy(statics, unit)
-    assert found.found[0] or found.undetermined[0]
+    assert found.converged[0] or found.undetermined[0]
     residual = gradient(statics, x)
     H = curvature(statics, x)
     eigenvalues = np.linalg.eigvalsh(H * unit * unit[:, None])

@@ -21,7 +21,7 @@ from vjm.machine.critical_search import TOLERANCE
 from vjm.machine.equilibria import equilibria
 from vjm.machine.inverse_kinematics import ReachError
 from vjm.machine.platforms import assembled, leg_wrenches, yielding_legs
-from vjm.machine.rigid_mechanism import Closing, home_label
+from vjm.machine.rigid_mechanism import LoopClosure, home_label
 from vjm.model.load_case import ARC, COMPONENTS, TO_LIMIT, Load, LoadCase, PointControl
 from vjm.model.parts import Joint
 from vjm.rotations import displaced, displacement_between, rotation_from_vector, skew
@@ -50,7 +50,7 @@ def alone(machine, engine, label, leg, displacement):
     """Stiffness at the platform of a leg from the base, a chain of its own, and that chain's equilibrium."""
     displacement = np.asarray(displacement)
     chain, attachment = leg_alone(machine, leg)
-    home = Closing(machine, label).end
+    home = LoopClosure(machine, label).end
     there = displaced(home, displacement)
     if np.any(displacement):
         way = displacement_between(home @ attachment, there @ attachment)
@@ -289,7 +289,7 @@ SLACK = 2.0 * TOLERANCE
 def orthoglide():
     """Its model, and its loops as they close."""
     machine = load_model("orthoglide")
-    return VjmEngine().model(machine), Closing(machine, home_label(machine))
+    return VjmEngine().model(machine), LoopClosure(machine, home_label(machine))
 
 
 def closed(poses, closing=None):
@@ -314,7 +314,7 @@ def test_a_batch_is_what_single_platforms_are(robot, name):
     size = 20.0 if name in ("delta", "par2") else 200.0
     wrenches = rng.standard_normal((4, 6)) * np.repeat([size, 10.0 * size], 3)
     engine = VjmEngine() if name == "orthoglide" else VjmEngine(2)
-    closing = Closing(robot(name), home_label(robot(name)))
+    closing = LoopClosure(robot(name), home_label(robot(name)))
     q = closed(poses, closing)
     states = equilibria(engine.model(robot(name)), q, wrench=wrenches[:, None])
     assert states.stable.all()
@@ -400,7 +400,7 @@ def test_a_machine_with_errors_of_assembly_stands_where_its_single_poses_do(robo
     machine = robot("orthoglide")
     poses = np.array([[0.0, 0, 0, 0, 0, 0], [40.0, -20.0, 30.0, 0, 0, 0]])
     wrenches = np.array([[0.0] * 6, [-200.0, 100.0, 50.0, 0.0, 0.0, 0.0]])
-    q = closed(poses, Closing(machine, home_label(machine)))
+    q = closed(poses, LoopClosure(machine, home_label(machine)))
     model = VjmEngine(2).model(assembled(machine, **built))
     q += [built.get("off", {}).get(name, 0.0) for name in model.joints]
     states = equilibria(model, q, wrench=wrenches[:, None])
@@ -410,7 +410,7 @@ def test_a_machine_with_errors_of_assembly_stands_where_its_single_poses_do(robo
         posed, load_case = in_pose(machine, load_case)
         wrong = assembled(posed, **built)
         point = follow(VjmEngine(2).problem(wrong, load_case), load_case).points[-1]
-        stands = states.position[k, 0] - displaced(Closing(machine, home_label(machine)).end, pose)[:3, 3]
+        stands = states.position[k, 0] - displaced(LoopClosure(machine, home_label(machine)).end, pose)[:3, 3]
         assert stands == pytest.approx(point.displacement[:3], abs=1e-8)
         assert np.abs(K - point.stiffness).max() < 1e-7 * np.abs(K).max()
 
@@ -420,7 +420,7 @@ def test_a_machine_with_errors_of_assembly_stands_where_its_single_poses_do(robo
 
 def compensated(machine, poses, wrenches):
     """Poses are from home; a platform of fewer freedoms turns as its loops let it."""
-    home = Closing(machine, home_label(machine)).end[:3, 3]
+    home = LoopClosure(machine, home_label(machine)).end[:3, 3]
     return compensated_arm(
         VjmEngine(1).model(machine), home + np.atleast_2d(poses)[:, :3], None, np.atleast_2d(wrenches)
     )

@@ -16,7 +16,7 @@ from vjm.io.machine_file import build_machine, load_model
 from vjm.io.manipulator_file import manipulators
 from vjm.io.model_file import ModelDocument, load_chain
 from vjm.machine.equilibria import equilibria
-from vjm.machine.rigid_mechanism import Closing, PoseError, home_label, moved_by_drives
+from vjm.machine.rigid_mechanism import LoopClosure, PoseError, home_label, moved_by_drives
 from vjm.model.machine import ROOT, Machine, legs_of
 from vjm.model.parts import Beam, Joint, RigidOffset, Section
 from vjm.postures import in_posture
@@ -42,7 +42,7 @@ MOBILITY = {
 
 
 def closing(machine):
-    return Closing(machine, home_label(machine))
+    return LoopClosure(machine, home_label(machine))
 
 
 def rates(manipulator, displacement):
@@ -222,7 +222,7 @@ def test_passive_slides_go_as_far_as_they_are_asked(shift):
     K = vjm.stiffness(robot, ",".join(map(str, shift))).loaded
     assert np.diag(K)[:3] == pytest.approx(1.0 / (DRIVE + BAR / SECTION.EA), rel=1e-9)
     # and the way of many poses at once
-    q, _ = Closing(robot, home_label(robot)).all_displaced(d[None])
+    q, _ = LoopClosure(robot, home_label(robot)).all_displaced(d[None])
     states = equilibria(VjmEngine(16).model(robot), q)
     assert states.stiffness[0, 0] == pytest.approx(K, rel=1e-8, abs=1e-8 * np.abs(K).max())
 
@@ -318,7 +318,7 @@ def test_a_map_reaches_what_single_poses_reach():
     grid = np.linspace(0.0, 1.0, 10)
     shares = np.array(np.meshgrid(grid, grid, grid, indexing="ij")).reshape(3, -1).T
     poses = np.hstack([low + shares * (high - low), np.zeros((1000, 3))])
-    q, _ = Closing(robot, home_label(robot)).all_displaced(poses)
+    q, _ = LoopClosure(robot, home_label(robot)).all_displaced(poses)
     states = equilibria(VjmEngine(4).model(robot), q)
     assert states.stable.all()
     for k in range(0, 1000, 83):

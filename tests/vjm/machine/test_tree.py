@@ -26,7 +26,7 @@ def close_to_own_statics(seed: int) -> None:
     chain, values = random_machine(seed)
     loads = (Load((20.0, -35.0, 12.0, 0.0, 0.0, 0.0), chain.parts[-1].name),)
     found = equilibria(Mechanism(chain.split()), values, gravity=GRAVITY, loads=loads)
-    assert found.found.all()
+    assert found.converged.all()
     # from there, as soft machines have several equilibria; it moves on unless this is one
     own = Statics(chain, values, gravity=GRAVITY, loads=loads).solve(found.x[0])
     assert bool(found.stable[0]) == (own.negative == 0)
@@ -250,8 +250,8 @@ def test_more_load_than_an_arm_bears_is_found_in_steps_or_said():
     # a soft arm: a radian and more of deflection, where Newton from the unloaded posture needs steps
     chain = arm(compliance=2e-6)
     found = equilibria(Mechanism(chain.split()), np.random.default_rng(9).uniform(-2, 2, (20, 6)), gravity=WEIGHT)
-    assert found.found.any()
-    assert np.isnan(found.position[~found.found]).all()
+    assert found.converged.any()
+    assert np.isnan(found.position[~found.converged]).all()
 
 
 @pytest.mark.parametrize("force", [0.0, 200.0])

@@ -82,7 +82,7 @@ def made_up(
         observed = observe_ramps(reading.read_measurement(blank.data, blank.sheet))
         nuisances = nuisance_coordinates(observed)
         at = Forward(observed).evaluate(nuisances, np.zeros(len(nuisances)), ())
-        wrench = np.nan_to_num(observed.wrench - at.residual)
+        wrench = np.nan_to_num(observed.measured - at.residual)
     monkeypatch.undo()
     known = {effect.label: effect for effect in ramp_effects(observed)}
     hypothesis = tuple(known[label] for label in hidden)
@@ -93,7 +93,7 @@ def made_up(
     ]
     z = start(found, hypothesis, rng.standard_normal(len(nuisances)), values)
     at = Forward(observed).evaluate(found, z, hypothesis)
-    wrench = np.nan_to_num(observed.wrench - at.residual)
+    wrench = np.nan_to_num(observed.measured - at.residual)
     for k, sigma in NOISE.values():
         error = rng.standard_normal(len(rows))
         for i in range(1, len(rows)):

@@ -39,7 +39,7 @@ def files(make, tmp_path_factory):
 def test_what_the_gauge_reads_beside_lines_is_its_noise(make, files):
     observed = observe_ramps(reading.read_measurement(files.data, files.sheet))
     off = observed.readings.pose[:, 0] - true_displacement(make)
-    left = observed.pose[:, 0] - true_displacement(make)
+    left = observed.imposed[:, 0] - true_displacement(make)
     assert (observed.steady[0].moved == 0.0).all()
     # of the noise that is left which looks like lines; the file has six digits
     lines = observed.steady[0].lines
@@ -163,12 +163,12 @@ def test_an_idle_axis_stands_at_its_mean(tmp_path: Path) -> None:
         # each of two postures is driven along x and along z: y is idle on all four rays, x and z on two
         assert len(own) == (4 if k == 1 else 2)
         for ray in own:
-            assert np.ptp(found.pose[ray.index, k]) < 1e-12
-            assert found.pose[ray.index, k].mean() == pytest.approx(read.pose[ray.index, k].mean(), abs=1e-12)
+            assert np.ptp(found.imposed[ray.index, k]) < 1e-12
+            assert found.imposed[ray.index, k].mean() == pytest.approx(read.imposed[ray.index, k].mean(), abs=1e-12)
             assert (found.pose_noise[ray.index, k] == 0.0).all()
     for ray in found.rays:
         (driven,) = np.flatnonzero(ray.direction)
-        np.testing.assert_array_equal(found.pose[ray.index, driven], read.pose[ray.index, driven])
+        np.testing.assert_array_equal(found.imposed[ray.index, driven], read.imposed[ray.index, driven])
         np.testing.assert_array_equal(found.pose_noise[ray.index, driven], read.pose_noise[ray.index, driven])
 
 
@@ -221,7 +221,7 @@ def test_a_drive_in_series_is_the_drive_in_a_chain_that_relaxes(make, tmp_path, 
         files = make.write(tmp_path, rows, np.ones((len(rows), 6)), true, sheet)
         found = coordinates([], hypothesis)
         at = Forward(observe_ramps(reading.read_measurement(files.data, files.sheet)))
-        return at.evaluate(found, start(found, hypothesis, np.zeros(0), values), hypothesis).wrench[:, 0]
+        return at.evaluate(found, start(found, hypothesis, np.zeros(0), values), hypothesis).prediction[:, 0]
 
     creep, values = Creep(part), (0.05, 20.0, 0.25, 10.0)
     built_in = force(softer, (creep,), [values])

@@ -17,7 +17,7 @@ from vjm_updating.experiment import read_measurement
 from vjm_updating.inference.fitting import prior
 from vjm_updating.inference.forward import observe_ramps
 from vjm_updating.inference.model_error import NODES, WEIGHTS, costs, driven_place, integrated, likeliest, principal
-from vjm_updating.inference.parameters import Coordinate, coordinates, release_key
+from vjm_updating.inference.parameters import FitParameter, coordinates, release_key
 from vjm_updating.inference.significance import LAW_ERROR
 
 ROWS = 12
@@ -116,10 +116,10 @@ def fitted(tmp_path_factory, make):
         prepared = prepare(observed, only=(cause,))
         fitter, null, effect = prepared.fitter, prepared.null, prepared.effects[0]
         found = tuple(coordinates(fitter.nuisances, (effect,)))
-        z = null.at.z.copy()
+        z = null.evaluation.z.copy()
         z[[(c.kind, c.subject) == release_key(effect) for c in found]] = sigmas
         fit = replace(null, hypothesis=(effect,), found=found, at=fitter.evaluate(found, z, (effect,)))
-        return fitter, replace(fit, jacobian=fitter.slopes(found, fit.at, (effect,)))
+        return fitter, replace(fit, jacobian=fitter.slopes(found, fit.evaluation, (effect,)))
 
     return at
 
@@ -178,9 +178,9 @@ def test_shapes_are_likelier_than_noise_only_where_they_are(make, tmp_path, monk
     place = driven_place(fitter.forward.observed)
 
     def change(force):
-        residual = null.at.residual.copy()
+        residual = null.evaluation.residual.copy()
         residual[:, 0] += np.where(fitter.whitening.present[:, 0], force * np.sin(20.0 * place), 0.0)
-        return unmodelled(fitter, replace(null, at=replace(null.at, residual=residual)))
+        return unmodelled(fitter, replace(null, at=replace(null.evaluation, residual=residual)))
 
     # noise speaks against them, a wave of four standard deviations for them, and ten times as large more so
     assert change(0.0) > 0.0 > change(8.0) > change(80.0)
@@ -190,7 +190,7 @@ def test_shapes_are_likelier_than_noise_only_where_they_are(make, tmp_path, monk
 
 @pytest.mark.parametrize("z", [-30.0, -2.0, -0.1, 0.0, 0.3, 5.0])
 def test_a_shape_far_off_is_rare_and_a_tolerance_far_off_impossible(z):
-    found = [Coordinate("a", "effect", "0", 1.0, 0.5, 2.0), Coordinate("b", "zero", "fx_N", 1.0)]
+    found = [FitParameter("a", "effect", "0", 1.0, 0.5, 2.0), FitParameter("b", "zero", "fx_N", 1.0)]
     cost, slope = prior(found, np.array([z, z]))
     off = (z - 0.5) / 2.0
     # minus twice the logarithm of Cauchy's density over that at its middle, and of Gauss'; rounding, for the floor
@@ -225,7 +225,7 @@ def test_projection_is_that_of_non_negative_least_squares(d, k):
 def test_chances_are_those_of_noise(d, k, narrow, one_sided):
     cone = Cone.of(trials(d, k, narrow=narrow), one_sided=one_sided, vector=False)
     draws = 200_000
-    p = cone.chance(cone.explained(np.random.default_rng(2).standard_normal((d, draws))))
+    p = cone.p_value(cone.explained(np.random.default_rng(2).standard_normal((d, draws))))
     for rate in (0.05, 0.003):
         # three standard errors of these draws; and of the weights' 4000, which know what one trial alone explains
         # to 5 %, and the rarer others to 12 % and more of a smaller part
@@ -235,8 +235,8 @@ def test_chances_are_those_of_noise(d, k, narrow, one_sided):
 
 def test_one_way_is_half_as_likely_as_both():
     one, both = (Cone.of(np.array([[2.0]]), one_sided=own, vector=False) for own in (True, False))
-    assert one.chance(np.array([16.0]))[0] == pytest.approx(0.5 * chi2.sf(16.0, 1))
-    assert both.chance(np.array([16.0]))[0] == pytest.approx(chi2.sf(16.0, 1))
+    assert one.p_value(np.array([16.0]))[0] == pytest.approx(0.5 * chi2.sf(16.0, 1))
+    assert both.p_value(np.array([16.0]))[0] == pytest.approx(chi2.sf(16.0, 1))
     assert one.explained(np.array([[-4.0]]))[0] == 0.0
     assert both.explained(np.array([[-4.0]]))[0] == pytest.approx(16.0)
 
@@ -245,7 +245,7 @@ def test_a_narrow_cone_is_hardly_more_than_one_direction():
     cone = Cone.of(trials(3, 4, narrow=0.01), one_sided=False, vector=False)
     # of a width of 0.03 it adds twice that share of a circle in two directions, 0.06 / 2π exp(-8) of 6.3e-5: 5 %;
     # three standard errors of the drawn weight are another 5 %
-    assert cone.chance(np.array([16.0]))[0] == pytest.approx(chi2.sf(16.0, 1), rel=0.1)
+    assert cone.p_value(np.array([16.0]))[0] == pytest.approx(chi2.sf(16.0, 1), rel=0.1)
     assert chi2.sf(16.0, 3) > 10.0 * chi2.sf(16.0, 1)
 
 
@@ -253,7 +253,7 @@ def test_of_a_vector_all_directions_count():
     cone = Cone.of(trials(2, 3), one_sided=False, vector=True)
     z = np.random.default_rng(3).standard_normal((2, 50))
     np.testing.assert_allclose(cone.explained(z), np.sum(z**2, axis=0))
-    np.testing.assert_allclose(cone.chance(cone.explained(z)), chi2.sf(np.sum(z**2, axis=0), 2))
+    np.testing.assert_allclose(cone.p_value(cone.explained(z)), chi2.sf(np.sum(z**2, axis=0), 2))
 
 
 def test_a_trial_and_its_opposite_are_one_where_both_signs_make_sense():
@@ -262,4 +262,4 @@ def test_a_trial_and_its_opposite_are_one_where_both_signs_make_sense():
     z = np.random.default_rng(4).standard_normal((2, 50))
     np.testing.assert_allclose(same.explained(z), single.explained(z))
     # the weight of one direction is drawn: 4000 draws know one half to 1.6 %: three times that
-    assert same.chance(np.array([9.0]))[0] == pytest.approx(chi2.sf(9.0, 1), rel=0.05)
+    assert same.p_value(np.array([9.0]))[0] == pytest.approx(chi2.sf(9.0, 1), rel=0.05)

@@ -14,7 +14,7 @@ from vjm_updating.experiment import read_measurement
 from vjm_updating.inference.fitting import ENOUGH, ROUNDING, best_fit
 from vjm_updating.inference.forward import observe_ramps
 from vjm_updating.inference.instruments import InstrumentZero
-from vjm_updating.inference.parameters import Coordinate, coordinates, of_effect, start
+from vjm_updating.inference.parameters import FitParameter, coordinates, of_effect, start
 from vjm_updating.inference.significance import FALSE_ALARMS, NORMAL_95
 from vjm_updating.mechanisms.drives import ActuatorCompliance
 from vjm_updating.mechanisms.structure import LinkBow, LinkLumping
@@ -46,7 +46,7 @@ def test_what_is_not_seen_costs_nothing_beside_what_is():
 
 
 def test_what_either_is_or_is_not_has_no_parameter_to_pay_for():
-    zero = Coordinate("zero fx_N", "zero", "fx_N", 1.0, sigma=np.inf)
+    zero = FitParameter("zero fx_N", "zero", "fx_N", 1.0, sigma=np.inf)
     observed = SimpleNamespace()
     fitter = SimpleNamespace(
         forward=SimpleNamespace(observed=observed), normal=lambda fit: np.eye(1), pressure=lambda fit: np.zeros(1)
@@ -62,7 +62,7 @@ def test_what_either_is_or_is_not_has_no_parameter_to_pay_for():
 
 
 def test_an_instrument_off_its_sheet_costs_what_that_says_against_it():
-    zero = Coordinate("zero fx_N", "zero", "fx_N", 1.0, sigma=np.inf)
+    zero = FitParameter("zero fx_N", "zero", "fx_N", 1.0, sigma=np.inf)
     fitter = SimpleNamespace(
         forward=SimpleNamespace(), normal=lambda fit: np.eye(1), pressure=lambda fit: np.zeros(1)
     )
@@ -80,7 +80,7 @@ def test_an_instrument_off_its_sheet_costs_what_that_says_against_it():
 def test_what_a_sheet_gives_exactly_is_not_free():
     """A stiffness beside a scale that is exact: its size is known as if there were no scale."""
     drive = ActuatorCompliance()
-    exact = Coordinate("scale fx_N", "scale", "fx_N", 1.0, sigma=0.0)
+    exact = FitParameter("scale fx_N", "scale", "fx_N", 1.0, sigma=0.0)
     alike = np.array([[1.0, 1.0], [1.0, 1.0 + 1e-6]])
     fitter = SimpleNamespace(forward=SimpleNamespace(), normal=lambda fit: alike, pressure=lambda fit: np.zeros(2))
     found = [exact, *coordinates([], (drive,))]

@@ -18,7 +18,7 @@ from vjm_updating.diagnosis.preprocess import prepare
 from vjm_updating.experiment import read_measurement
 from vjm_updating.inference.fitting import best_fit
 from vjm_updating.inference.forward import observe_ramps
-from vjm_updating.inference.parameters import Coordinate
+from vjm_updating.inference.parameters import FitParameter
 
 SHEET = (
     table_text("test", model="orthoglide-chain")
@@ -133,7 +133,7 @@ def test_it_is_repeated_only_where_that_decides_something(pulled, monkeypatch, f
 def test_what_the_test_at_hand_says_nothing_of_lies_within_its_bounds(high):
     """One reading, eight of noise off; a coordinate that nothing is known of could make that up at eight."""
     flat = SimpleNamespace(whitening=SimpleNamespace(flat=lambda raw: raw))
-    tilt = Coordinate("tilt", "effect", "0", 1.0, sigma=np.inf, low=-high, high=high)
+    tilt = FitParameter("tilt", "effect", "0", 1.0, sigma=np.inf, low=-high, high=high)
     # an even distribution's variance is a twelfth of its width squared: of reading and tilt together
     together = 1.0 + (2.0 * high) ** 2 / 12.0
     found, left = experiment.left_over(flat, np.array([8.0]), np.array([[1.0]]), np.zeros((1, 1)), [tilt])

@@ -58,10 +58,10 @@ def test_a_clock_runs_from_before_the_test_and_a_temperature_from_either_side():
 def test_a_gauge_drifts_by_some_hundredths_of_its_range_in_a_test(make, tmp_path, monkeypatch):
     files = make.made_up(tmp_path, {}, 3, monkeypatch)
     observed = observe_ramps(read_measurement(files.data, files.sheet))
-    force = np.linalg.norm(np.nan_to_num(observed.wrench[:, :3]), axis=1).max()
-    moment = np.abs(np.nan_to_num(observed.wrench[:, 3:])).max()
+    force = np.linalg.norm(np.nan_to_num(observed.measured[:, :3]), axis=1).max()
+    moment = np.abs(np.nan_to_num(observed.measured[:, 3:])).max()
     # a gauge of forces and moments has a range of moments of a tenth of a metre times its forces, at least
-    ranges = {"mm": np.abs(observed.pose[:, :3]).max(), "N": force, "Nmm": max(moment, 100.0 * force)}
+    ranges = {"mm": np.abs(observed.imposed[:, :3]).max(), "N": force, "Nmm": max(moment, 100.0 * force)}
     drifts = [e for e in ramp_effects(observed) if isinstance(e, ThermalDrift)]
     assert {d.by for d in drifts} == {"s"}
     assert {d.part for d in drifts} == {*observed.pose_channels, *observed.wrench_channels}

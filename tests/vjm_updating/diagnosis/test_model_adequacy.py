@@ -122,9 +122,9 @@ def test_outliers_are_found_though_they_have_pulled_the_fit(quiet, monkeypatch):
     null, fitter = prepared.null, prepared.fitter
     assert fitter.forward.observed.outliers == 0
     assert fitter.whitening.autoregression.rho[0] == 0.0
-    z = null.at.z.copy()
-    z[next(i for i, c in enumerate(null.found) if (c.kind, c.subject) == ("scale", "fx_N"))] += BENT
-    again = preparation.refresh(prepared, replace(null, at=fitter.evaluate(null.found, z, ())))
+    z = null.evaluation.z.copy()
+    z[next(i for i, c in enumerate(null.parameters) if (c.kind, c.subject) == ("scale", "fx_N"))] += BENT
+    again = preparation.refresh(prepared, replace(null, at=fitter.evaluate(null.parameters, z, ())))
     assert again is not None
     left_out = prepared.all.present & ~again.fitter.forward.observed.present
     # two that every made-up test has
@@ -146,7 +146,7 @@ def test_a_refresh_that_changes_nothing_leaves_what_objectives_rest_on(make, tmp
         refit, "estimate_autocorrelation", lambda autoregression, *_: replace(autoregression, rho=found)
     )
     assert preparation.refresh(prepared, null) is None
-    assert fitter.objective(null.found, null.at) == null.objective
+    assert fitter.objective(null.parameters, null.evaluation) == null.objective
 
 
 @pytest.mark.parametrize(("stiffness", "renewed"), [(0.95, False), (0.3, True)])
@@ -155,7 +155,7 @@ def test_noise_is_found_anew_about_a_model_of_another_stiffness(make, tmp_path, 
     files = make.made_up(tmp_path, {}, 8, monkeypatch)
     prepared = preparation.prepare(observe_ramps(read_measurement(files.data, files.sheet)))
     null = prepared.null
-    best = replace(null, at=replace(null.at, stiffness=stiffness * null.at.stiffness))
+    best = replace(null, at=replace(null.evaluation, stiffness=stiffness * null.evaluation.stiffness))
     assert (preparation.refresh(prepared, best) is not None) == renewed
 
 
@@ -164,19 +164,19 @@ def test_signatures_about_a_null_serve_others_near_by(make, tmp_path, monkeypatc
     prepared = preparation.prepare(observe_ramps(read_measurement(files.data, files.sheet)))
     fitter, null, signed = prepared.fitter, prepared.null, prepared.signed
     assert signed.serves(fitter, null)
-    z = null.at.z.copy()
-    scale = next(i for i, c in enumerate(null.found) if (c.kind, c.subject) == ("scale", "ux_mm"))
+    z = null.evaluation.z.copy()
+    scale = next(i for i, c in enumerate(null.parameters) if (c.kind, c.subject) == ("scale", "ux_mm"))
     z[scale] += 0.9 * NEAR_BY
-    near = replace(null, at=replace(null.at, z=z))
+    near = replace(null, at=replace(null.evaluation, z=z))
     assert signed.serves(fitter, near)
-    for kept, anew in zip(signed.found, signatures(fitter, near, prepared.effects), strict=True):
+    for kept, anew in zip(signed.signatures, signatures(fitter, near, prepared.effects), strict=True):
         assert (kept.effect, kept.values) == (anew.effect, anew.values)
         if kept.change is not None:
             had, has = (fitter.whitening.flat(one.change) for one in (kept, anew))
             # the sheet's scale is known to 0.1 %; where the model is curved an effect changes by a few times that
             assert np.linalg.norm(had - has) < 0.01 * np.linalg.norm(has)
     z[scale] += NEAR_BY
-    assert not signed.serves(fitter, replace(null, at=replace(null.at, z=z)))
+    assert not signed.serves(fitter, replace(null, at=replace(null.evaluation, z=z)))
     # of samples that come back nothing is known
     assert not replace(signed, present=signed.present & (np.arange(len(signed.present)) > 0)[:, None]).serves(
         fitter, null

@@ -7,7 +7,7 @@ import pytest
 
 from vjm_updating.diagnosis.discrepancy import Misfit
 from vjm_updating.diagnosis.document import by_hypotheses
-from vjm_updating.diagnosis.evidence import Ranked
+from vjm_updating.diagnosis.evidence import ScoredModel
 from vjm_updating.diagnosis.verdict import (
     Verdict,
     coarsening,
@@ -30,7 +30,7 @@ LINEAR, HARDENING = ActuatorCompliance(), ActuatorHardening()
 
 def ranked(*effects, objective=100.0):
     fit = SimpleNamespace(hypothesis=effects, objective=objective, found=coordinates([], effects))
-    return Ranked(fit, objective)
+    return ScoredModel(fit, objective)
 
 
 def test_a_law_that_contains_another_and_is_no_better_is_needless():
@@ -148,9 +148,9 @@ def searched(squares):
 def test_what_a_law_may_leave_that_is_a_few_per_cent_wrong_makes_no_cause_beside_it_sure(strength, sure):
     """A cause beside another lowers the criterion by 20 more than it costs, at 10 and at 100 sigma of the other."""
     best, main, null = ranked(DRIFT, LINEAR), ranked(LINEAR, objective=30.0), ranked(objective=strength**2)
-    best = Ranked(best.fit, 10.0, 12.0)
+    best = ScoredModel(best.fit, 10.0, 12.0)
     search = searched({best: 20.0, main: 50.0, null: strength**2})
-    never = Ranked(null.fit, 1e4)
+    never = ScoredModel(null.fit, 1e4)
     power = coarsening(strength**2, LAW_ERROR)
     found = posterior_of(search, best, never, never, power)
     p = found.causes[0]
@@ -165,7 +165,7 @@ def test_a_cause_whose_fit_failed_is_no_hypothesis_whatever_it_promised():
     best, null = ranked(LINEAR, objective=100.0), ranked(objective=400.0)
     search = searched({best: 100.0, null: 400.0})
     search.singles = lambda: {ZERO: 90.0, DRIFT: 104.0}
-    p = posterior_of(search, best, Ranked(null.fit, 1e4), Ranked(best.fit, 1e4)).causes[0]
+    p = posterior_of(search, best, ScoredModel(null.fit, 1e4), ScoredModel(best.fit, 1e4)).causes[0]
     assert set(p) == {"actuator_compliance", "thermal_drift"}
     assert p["actuator_compliance"] == pytest.approx(1.0 / (1.0 + np.exp(-2.0)))
 
@@ -175,7 +175,7 @@ def test_a_best_hypothesis_whose_fit_has_not_ended_has_a_posterior():
     best, null = ranked(LINEAR, objective=10.0), ranked(objective=400.0)
     search = searched({best: 30.0, null: 400.0})
     best.fit.converged = False
-    found = posterior_of(search, best, Ranked(null.fit, 300.0), Ranked(best.fit, 30.0))
+    found = posterior_of(search, best, ScoredModel(null.fit, 300.0), ScoredModel(best.fit, 30.0))
     assert found.hypotheses[0].places == {"actuator_compliance": ["actuator_compliance"]}
     assert found.hypotheses[0].probability == pytest.approx(1.0, abs=1e-4)
     # of 400 squares, of which 24 are noise, 370 are gone

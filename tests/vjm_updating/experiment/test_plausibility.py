@@ -172,7 +172,7 @@ def test_temperatures_that_no_room_has(draft, value, grade, words):
         row.append(repr(value + 0.01 * k))
     (finding,) = plausibility(draft.read())
     assert finding.grade is grade
-    assert words in finding.found
+    assert words in finding.description
 
 
 def test_an_absurd_reading_is_refused(draft):

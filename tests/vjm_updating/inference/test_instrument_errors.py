@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from vjm_updating.calibration.parameters import Unknown
+from vjm_updating.calibration.parameters import CalibrationParameter
 from vjm_updating.experiment import Kind
 from vjm_updating.experiment.data_file import POSE, WRENCH
 from vjm_updating.inference.instruments import SLOTS, InstrumentErrors
-from vjm_updating.inference.parameters import Coordinate, EffectCoordinate, Evaluation, instrument_errors
+from vjm_updating.inference.parameters import EffectParameter, Evaluation, FitParameter, instrument_errors
 from vjm_updating.mechanisms.effect import Quantity
 
 RNG = np.random.default_rng(3)
@@ -58,7 +58,7 @@ def test_an_error_of_the_displacement_shows_by_the_sensitivity():
     at = spring(OFF)
     for k in range(len(POSE)):
         moved = spring(OFF, READ + 1e-3 * np.eye(6)[k])
-        change = (moved.wrench - at.wrench) @ np.diag(at.errors.gain)
+        change = (moved.prediction - at.prediction) @ np.diag(at.errors.gain)
         # the spring is linear
         np.testing.assert_allclose(1e-3 * at.sensitivity[:, :, k], change, rtol=1e-9, atol=1e-12)
 
@@ -82,15 +82,15 @@ def test_another_point_may_take_the_displacements_place():
 # Coordinates and their values: one law there and back, and its derivative.
 
 
-def of_quantity(*, log: bool) -> EffectCoordinate:
+def of_quantity(*, log: bool) -> EffectParameter:
     quantity = Quantity("size", 0.1, 9.0, 0.5, usual=1.0, spread=1.0, log=log)
-    return EffectCoordinate(name="size", kind="effect", subject="0", scale=quantity.scale, quantity=quantity)
+    return EffectParameter(name="size", kind="effect", subject="0", scale=quantity.scale, quantity=quantity)
 
 
 COORDINATES = [
-    *(Coordinate(f"{kind}", kind, "link", 0.3) for kind in Kind),
-    Unknown("link.EIz", "parameter", "link", 1.0, nominal=4e7),
-    Unknown("drive.compliance", "parameter", "drive", 1e-5, nominal=0.0, linear=True),
+    *(FitParameter(f"{kind}", kind, "link", 0.3) for kind in Kind),
+    CalibrationParameter("link.EIz", "parameter", "link", 1.0, nominal=4e7),
+    CalibrationParameter("drive.compliance", "parameter", "drive", 1e-5, nominal=0.0, linear=True),
     of_quantity(log=True),
     of_quantity(log=False),
 ]
@@ -98,7 +98,7 @@ COORDINATES = [
 
 @pytest.mark.parametrize("own", COORDINATES, ids=[f"{c.name}-{type(c).__name__}" for c in COORDINATES])
 @pytest.mark.parametrize("z", [-0.8, 0.0, 1.4])
-def test_a_value_is_its_coordinates_and_changes_by_its_slope(own: Coordinate, z: float):
+def test_a_value_is_its_coordinates_and_changes_by_its_slope(own: FitParameter, z: float):
     assert own.coordinate(own.value(z)) == pytest.approx(z, abs=1e-12)
     h = 1e-5
     # of central differences
@@ -107,9 +107,9 @@ def test_a_value_is_its_coordinates_and_changes_by_its_slope(own: Coordinate, z:
 
 def test_errors_of_instruments_are_those_among_the_coordinates():
     found = [
-        Coordinate("zero ux_mm", Kind.ZERO, "ux_mm", 0.002),
-        Coordinate("scale fz_N", Kind.SCALE, "fz_N", 0.003),
-        Coordinate("modulus link", Kind.MODULUS, "link", 0.02),
+        FitParameter("zero ux_mm", Kind.ZERO, "ux_mm", 0.002),
+        FitParameter("scale fz_N", Kind.SCALE, "fz_N", 0.003),
+        FitParameter("modulus link", Kind.MODULUS, "link", 0.02),
         of_quantity(log=True),
     ]
     assert [c.of_instrument for c in found] == [True, True, False, False]

@@ -16,7 +16,7 @@ from vjm_updating.diagnosis.evidence import estimates
 from vjm_updating.diagnosis.preprocess import prepare
 from vjm_updating.experiment.measurement import read_measurement
 from vjm_updating.inference.bounded_normal import log_beyond, log_share, mode, truncated_draws
-from vjm_updating.inference.fitting import Fitter, best_fit, whitening_of
+from vjm_updating.inference.fitting import LeastSquaresProblem, best_fit, whitening_of
 from vjm_updating.inference.forward import Forward, observe_ramps
 from vjm_updating.inference.parameters import coordinates, nuisance_coordinates
 
@@ -124,7 +124,7 @@ def objective(folder: Path, rows: np.ndarray, width: float) -> float:
     nuisances = tuple(nuisance_coordinates(observed))
     found, forward = coordinates(nuisances, ()), Forward(observed)
     at = forward.evaluate(found, np.zeros(len(found)), ())
-    return Fitter(forward, nuisances, whitening_of(observed, at)).objective(found, at)
+    return LeastSquaresProblem(forward, nuisances, whitening_of(observed, at)).objective(found, at)
 
 
 def given_the_forces(rows: np.ndarray, width: float) -> float:
@@ -168,7 +168,7 @@ def test_calibration_and_diagnosis_find_the_same_springs():
     prepared = prepare(observe_ramps(measurement))
     causes = {effect.label: effect for effect in prepared.effects}
     hypothesis = tuple(causes[f"{part}_compliance"] for part in PARTS)
-    fit = best_fit(prepared.fitter, hypothesis, prepared.null.at.z, [[1.0], [1.0]])
+    fit = best_fit(prepared.fitter, hypothesis, prepared.null.evaluation.z, [[1.0], [1.0]])
     assert fit is not None
     found = estimates(prepared.fitter, fit, 0.0)
     for part, value, deviation in zip(PARTS, values, deviations, strict=True):

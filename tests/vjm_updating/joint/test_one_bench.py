@@ -86,7 +86,7 @@ CASES = [
 
 @pytest.mark.parametrize(("kind", "seed"), CASES)
 def test_three_formats_of_one_bench_get_one_answer(tmp_path, kind, seed):
-    answers = {name: diagnose(load_data(*files)).found for name, files in written(tmp_path, kind, seed).items()}
+    answers = {name: diagnose(load_data(*files)).figures for name, files in written(tmp_path, kind, seed).items()}
     first = answers["joint"]
     for other in answers.values():
         assert said(other) == said(first)
@@ -103,7 +103,7 @@ def test_three_formats_of_one_bench_get_one_answer(tmp_path, kind, seed):
 
 def test_three_formats_are_calibrated_alike(tmp_path):
     rows = {
-        name: calibrate(load_data(*files)).found.parameters
+        name: calibrate(load_data(*files)).figures.parameters
         for name, files in written(tmp_path, "backlash", 1).items()
     }
     names = [row.name for row in rows["joint"]]

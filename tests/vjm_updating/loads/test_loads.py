@@ -26,7 +26,7 @@ from vjm_updating.inference.observed import observe_loads
 from vjm_updating.inference.parameters import coordinates, nuisance_coordinates, start
 from vjm_updating.mechanisms.drives import ActuatorCompliance
 from vjm_updating.mechanisms.equilibrium_tables import Gauge, HalfRay, load_table
-from vjm_updating.mechanisms.modified_chain import ModifiedChain
+from vjm_updating.mechanisms.modified_chain import ModifiedMachine
 from vjm_updating.mechanisms.structure import BaseCompliance
 from vjm_updating.simulate import simulate
 
@@ -44,7 +44,7 @@ def chain_of(text=MODEL):
 
 
 def table(free=FREE, load=(0.0, 0.0, 1.0, 0.0, 0.0, 0.0), reach=100.0, text=MODEL):
-    machine = ModifiedChain(chain_of(text), VjmEngine.of(12, 1))
+    machine = ModifiedMachine(chain_of(text), VjmEngine.of(12, 1))
     return load_table(machine, HalfRay.of("bench", np.array(load), reach), (), free, GAUGES)
 
 
@@ -159,12 +159,12 @@ def test_an_element_moves_every_gauge_as_the_part_itself(tmp_path, cause, held):
         parts = (*effect.mounts(measurement.chain, values), *measurement.chain.parts)
     found = coordinates(nuisances, (effect,))
     z = start(found, (effect,), np.zeros(len(nuisances)), [values])
-    in_series = LoadForward(observed).evaluate(found, z, (effect,)).wrench
-    machine = ModifiedChain(replace(measurement.chain, parts=parts), measurement.engine)
+    in_series = LoadForward(observed).evaluate(found, z, (effect,)).prediction
+    machine = ModifiedMachine(replace(measurement.chain, parts=parts), measurement.engine)
     forward = LoadForward(observed)
     object.__setattr__(forward, "machine", lambda *_: machine)
-    built = forward.evaluate(coordinates(nuisances, ()), np.zeros(len(nuisances)), ()).wrench
-    nominal = LoadForward(observed).evaluate(coordinates(nuisances, ()), np.zeros(len(nuisances)), ()).wrench
+    built = forward.evaluate(coordinates(nuisances, ()), np.zeros(len(nuisances)), ()).prediction
+    nominal = LoadForward(observed).evaluate(coordinates(nuisances, ()), np.zeros(len(nuisances)), ()).prediction
     moved = np.abs(built - nominal).max(axis=0)
     assert (moved > 1e-9).all()
     # reason: elements are of first order in turns of a few mrad

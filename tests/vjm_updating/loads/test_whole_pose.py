@@ -19,13 +19,13 @@ from vjm_updating.inference.load_forward import LoadForward
 from vjm_updating.inference.observed import observe_loads
 from vjm_updating.inference.parameters import coordinates, nuisance_coordinates, start
 from vjm_updating.mechanisms.equilibrium_tables import HalfRay, load_table
-from vjm_updating.mechanisms.modified_chain import ModifiedChain
+from vjm_updating.mechanisms.modified_chain import ModifiedMachine
 
 
 def test_readings_count_from_the_pose_without_the_machines_weight():
     """A uniform load w of a tube in a clamp: ``w L⁴/8 + c w L³/2`` at the tip, and what deflects there turns."""
     mass = 1.7
-    machine = ModifiedChain(chain_of(), VjmEngine.of(48, 1), weight=(("tube", mass),))
+    machine = ModifiedMachine(chain_of(), VjmEngine.of(48, 1), weight=(("tube", mass),))
     weighed = load_table(machine, HalfRay.of("bench", np.array([0, 0, 1.0, 0, 0, 0]), 100.0), (), FREE, GAUGES)
     w, bend, clamp = mass * 9.80665 / LENGTH, 1.0 / (MODULUS * INERTIA), 1e-9
     tip = w * LENGTH**4 / 8.0 * bend + clamp * w * LENGTH**3 / 2.0
@@ -47,7 +47,9 @@ def test_a_beam_whose_stress_relaxes_deflects_more_under_a_load(tmp_path):
     effect = next(e for e in LoadTest().effects(observed) if e.label == "creep.link")
     found = coordinates(nuisances, (effect,))
     z = start(found, (effect,), np.zeros(len(nuisances)), [[phi, tau, 0.0, 10.0]])
-    crept = forward.evaluate(found, z, (effect,)).wrench - forward.evaluate(nuisances, 0.0 * z[:-4], ()).wrench
+    crept = (
+        forward.evaluate(found, z, (effect,)).prediction - forward.evaluate(nuisances, 0.0 * z[:-4], ()).prediction
+    )
     delay = tau / (1.0 - phi)
     # of a ramp of a second the mean of what each of its parts does
     held = 1.0 - np.exp(-(clock[1:] - 1.0) / delay) * delay * (1.0 - np.exp(-1.0 / delay))
@@ -74,7 +76,7 @@ def test_loads_are_imposed_on_what_bears_them_even_where_the_whole_pose_is_read(
 def test_a_softer_beam_is_the_derivative_of_readings(free, segments):
     """Of one spring the strains grow with the square of the pull: its reaction is found from its law."""
     step, load = 1e-4, HalfRay.of("bench", np.array([0.6, 0.0, 0.8, 0.0, 0.0, 0.0]), 5000.0)
-    machine = ModifiedChain(chain_of(), VjmEngine.of(segments, 1))
+    machine = ModifiedMachine(chain_of(), VjmEngine.of(segments, 1))
     there = [
         load_table(m, load, (), free, GAUGES)
         for m in (machine, *(machine.times("tube", np.exp(h)) for h in (step, -step)))

@@ -9,9 +9,9 @@ from helpers import linear_arm
 from vjm.engines import VjmEngine
 from vjm.io.model_file import load_chain
 from vjm_updating.mechanisms.catalogue import catalogue, errors_within, plug_in
-from vjm_updating.mechanisms.effect import Scene
+from vjm_updating.mechanisms.effect import TestContext
 from vjm_updating.mechanisms.hysteresis import Creep
-from vjm_updating.mechanisms.modified_chain import ModifiedChain, beam_of
+from vjm_updating.mechanisms.modified_chain import ModifiedMachine, beam_of
 
 MECHANICAL = {
     "link_lumping", "foot_lumping", "actuator_compliance", "actuator_hardening", "actuator_backlash",
@@ -23,7 +23,7 @@ MECHANICAL = {
 
 def scene(segments=None):
     chain = load_chain("orthoglide-chain")
-    return Scene(chain, VjmEngine(segments), force=3000.0, reach=2.0, duration=600.0, interval=2.0)
+    return TestContext(chain, VjmEngine(segments), force=3000.0, reach=2.0, duration=600.0, interval=2.0)
 
 
 def test_every_cause_is_there():
@@ -74,7 +74,7 @@ ALONG = (1.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 def arm_scene(tmp_path, angles, change=lambda text: text, **more):
     file = tmp_path / "arm.toml"
     file.write_text(change(linear_arm.model(ARM, angles)))
-    return Scene(load_chain(file), VjmEngine(8), 500.0, 1.0, 100.0, 1.0, **more)
+    return TestContext(load_chain(file), VjmEngine(8), 500.0, 1.0, 100.0, 1.0, **more)
 
 
 def parts(found, cause, joints=False):
@@ -174,7 +174,7 @@ def test_lumping_is_a_cause_of_lumped_models_only():
 
 
 def test_column_without_foot_or_drive_has_no_such_causes():
-    column = Scene(load_chain("pinned-column"), VjmEngine(16), force=500.0, reach=1.0)
+    column = TestContext(load_chain("pinned-column"), VjmEngine(16), force=500.0, reach=1.0)
     found = {e.label for e in catalogue(column)}
     assert not [label for label in found if "foot" in label or "actuator" in label]
     assert "creep" not in {label.partition(".")[0] for label in found}
@@ -185,7 +185,7 @@ def test_column_without_foot_or_drive_has_no_such_causes():
 def test_one_way_of_an_asymmetry_may_be_as_drawn(part, as_drawn, same):
     ratio = 1.3
     effect = next(e for e in catalogue(scene(8)) if e.label == f"tension_compression_asymmetry.{part}")
-    nominal = ModifiedChain(load_chain("orthoglide-chain"), VjmEngine(8))
+    nominal = ModifiedMachine(load_chain("orthoglide-chain"), VjmEngine(8))
     changed = effect.machine(nominal, (ratio, as_drawn))
     for pulls in (True, False):
         drawn, made = (beam_of(m.chain(pulls), effect.beam).effective_section().EA for m in (nominal, changed))
@@ -211,7 +211,7 @@ def test_trials_lie_within_the_bounds_and_act():
                 assert q.low <= v <= q.high, effect.label
                 # a logarithm and back: rounding
                 assert q.value(q.coordinate(v)) == pytest.approx(v, rel=1e-13) if v or not q.log else True
-        machine = ModifiedChain(load_chain("orthoglide-chain"), VjmEngine(8))
+        machine = ModifiedMachine(load_chain("orthoglide-chain"), VjmEngine(8))
         trial = effect.trials()[0]
         pose = np.array([[1.0, 0.0, 0.0, 0.0, 0.0, 0.0]])
         acts = (

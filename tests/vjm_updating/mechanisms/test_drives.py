@@ -15,10 +15,10 @@ from vjm.model.parts import Joint, JointCoupling
 from vjm_updating.mechanisms import joint_motions as joint_motions_module
 from vjm_updating.mechanisms.catalogue import catalogue
 from vjm_updating.mechanisms.drives import EXPONENT, ActuatorHardening, drives
-from vjm_updating.mechanisms.effect import Scene
+from vjm_updating.mechanisms.effect import TestContext
 from vjm_updating.mechanisms.equilibrium_tables import HalfRay, tabulate
 from vjm_updating.mechanisms.joint_motions import joint_motions, motions_of_readings
-from vjm_updating.mechanisms.modified_chain import ModifiedChain
+from vjm_updating.mechanisms.modified_chain import ModifiedMachine
 from vjm_updating.mechanisms.series_elements import History, balance
 from vjm_updating.poses.machine import PoseMachine
 
@@ -33,7 +33,7 @@ UNIT = np.repeat([1.0, 900.0], 3)
 
 def arm(change=lambda part: part):
     chain = load_chain("planar-2r")
-    return ModifiedChain(replace(chain, parts=tuple(change(part) for part in chain.parts)), VjmEngine(4))
+    return ModifiedMachine(replace(chain, parts=tuple(change(part) for part in chain.parts)), VjmEngine(4))
 
 
 def softer(joint, by):
@@ -43,7 +43,7 @@ def softer(joint, by):
 
 def scene_of(machine, postures=("bent", "folded"), axis=0, force=300.0):
     rays = tuple((posture, tuple(np.eye(6)[axis])) for posture in postures)
-    return Scene(machine.nominal, machine.engine, force, 1.0, rays=rays)
+    return TestContext(machine.nominal, machine.engine, force, 1.0, rays=rays)
 
 
 def effect_of(machine, label, **more):
@@ -137,7 +137,7 @@ def test_every_kind_of_joint_is_a_drive(kind, axis):
         held = {label: dict(values) for label, values in chain.held.items()}
         if kind in ("coupled", "as commanded"):
             held = {label: {"shoulder": values["shoulder"]} for label, values in held.items()}
-        return ModifiedChain(replace(chain, held=held), VjmEngine(4))
+        return ModifiedMachine(replace(chain, held=held), VjmEngine(4))
 
     machine, c = built(0.0), 1e-5
     effect = effect_of(machine, "actuator_compliance.elbow")
@@ -148,7 +148,7 @@ def test_every_kind_of_joint_is_a_drive(kind, axis):
     motion = joint_motions(machine, "bent")["elbow"]
     np.testing.assert_allclose(more, c * np.outer(motion, motion), atol=1e-6 * np.abs(more).max())
     np.testing.assert_allclose(
-        tabulate(ModifiedChain(effect.built(machine.nominal, (c,)), machine.engine),
+        tabulate(ModifiedMachine(effect.built(machine.nominal, (c,)), machine.engine),
                  HalfRay.of("bent", np.eye(6)[0], 1e-4), ()).stiffness[0], stiff[1], rtol=1e-9, atol=1e-6,
     )  # fmt: skip
 
@@ -166,7 +166,7 @@ def test_a_coupling_passes_on_what_bends():
             chain.parts, key=lambda part: ("shoulder", "elbow", "upper", "fore", "tool").index(part.name)
         )
         held = {label: {"shoulder": values["shoulder"]} for label, values in chain.held.items()}
-        return ModifiedChain(replace(chain, parts=tuple(parts), held=held), VjmEngine(4))
+        return ModifiedMachine(replace(chain, parts=tuple(parts), held=held), VjmEngine(4))
 
     motion = joint_motions(with_belt(0.0), "bent")["shoulder"]
     more = np.subtract(*(
@@ -185,7 +185,7 @@ def test_joints_about_one_line_are_one_place():
     chain = load_chain("planar-2r")
     parts = tuple(new for part in chain.parts for new in twice(part))
     held = {label: {**values, "wrist": 0.3} for label, values in chain.held.items()}
-    machine = ModifiedChain(replace(chain, parts=parts, held=held), VjmEngine(4))
+    machine = ModifiedMachine(replace(chain, parts=parts, held=held), VjmEngine(4))
     assert [one.part for one in drives(scene_of(machine))] == ["shoulder", "elbow or wrist"]
 
 
@@ -199,8 +199,8 @@ def test_sizes_follow_from_the_arms_lengths():
 
 
 def test_the_papers_chain_has_its_one_drive():
-    machine = ModifiedChain(load_chain("orthoglide-chain"), VjmEngine(8))
-    (one,) = drives(Scene(machine.nominal, machine.engine, 300.0, 1.0))
+    machine = ModifiedMachine(load_chain("orthoglide-chain"), VjmEngine(8))
+    (one,) = drives(TestContext(machine.nominal, machine.engine, 300.0, 1.0))
     assert (one.part, one.joint, one.turns, one.lever) == ("", "", False, 1.0)
 
 
@@ -228,7 +228,7 @@ def test_a_gears_law_is_that_of_its_moment(tmp_path, cause, values, joint, axis)
     angles, reach = (0.5, 0.9), 0.1
     file = tmp_path / "arm.toml"
     file.write_text(linear_arm.model([replace(link, gives=0.0) for link in LINKS], {"bent": angles}))
-    machine = ModifiedChain(load_chain(file), VjmEngine(8))
+    machine = ModifiedMachine(load_chain(file), VjmEngine(8))
     truth = linear_arm.Arm([replace(link, gives=0.0) for link in LINKS], angles)
     effect = effect_of(machine, f"{cause}.{joint}", postures=("bent",), axis=axis, force=1000.0)
     u, found = in_series(machine, effect, values, "bent", axis, reach)
@@ -272,7 +272,7 @@ LARGEST, COMPLIANCE = 2000.0, 5e-5
 
 def deflection(N, values, compliance=0.0):
     """Extension beyond the model's own spring, and its slope."""
-    machine = ModifiedChain(load_chain("orthoglide-chain"), VjmEngine(4))
+    machine = ModifiedMachine(load_chain("orthoglide-chain"), VjmEngine(4))
     (element,) = ActuatorHardening(LARGEST, compliance).elements(machine, values)
     nowhere = np.zeros((len(N), 3))
     return element.law(N, History(np.zeros(len(N)), np.zeros(len(N), dtype=bool), nowhere, nowhere))
@@ -324,7 +324,7 @@ def test_other_laws_come_near(law, ratio):
 
 
 def test_its_beam_has_no_bow_which_no_file_could_say():
-    scene = Scene(template_machines.gantry(), VjmEngine(4), 100.0, 0.1)
+    scene = TestContext(template_machines.gantry(), VjmEngine(4), 100.0, 0.1)
     labels = {effect.label for effect in catalogue(scene)}
     assert {"link_compliance.bridge", "link_compliance.ram", "link_bow.ram"} <= labels
     assert "link_bow.bridge" not in labels

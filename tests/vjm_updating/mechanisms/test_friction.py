@@ -10,7 +10,7 @@ from vjm.engines import VjmEngine
 from vjm.io.model_file import load_chain
 from vjm_updating.mechanisms.equilibrium_tables import HalfRay, tabulate
 from vjm_updating.mechanisms.hysteresis import Creep, friction_torques
-from vjm_updating.mechanisms.modified_chain import ModifiedChain, beam_of
+from vjm_updating.mechanisms.modified_chain import ModifiedMachine, beam_of
 from vjm_updating.mechanisms.relaxation import Relaxation, relaxing
 from vjm_updating.mechanisms.series_elements import History, balance
 
@@ -39,7 +39,7 @@ def test_torque_never_exceeds_the_limit_and_opposes_the_turn():
 
 
 def test_joints_deflect_reciprocally():
-    machine = ModifiedChain(load_chain("orthoglide-chain"), VjmEngine(4))
+    machine = ModifiedMachine(load_chain("orthoglide-chain"), VjmEngine(4))
     table = tabulate(machine, HalfRay("B", (1.0, 0.0, 0.0, 0.0, 0.0, 0.0), 1.0), pulls=True)
     q, A, B = table.yielding
     # rounding, 8e-15
@@ -141,7 +141,7 @@ PUSH = np.array([-1.0, 0.0, 0.0, 0.0, 0.0, 0.0])
 
 @pytest.fixture(scope="module")
 def machine():
-    return ModifiedChain(load_chain("orthoglide-chain"), VjmEngine(8))
+    return ModifiedMachine(load_chain("orthoglide-chain"), VjmEngine(8))
 
 
 class Rig:
@@ -203,7 +203,7 @@ def test_two_terms_in_a_chain_relax_to_the_end_and_begin_as_they_must():
 @pytest.mark.parametrize("fraction", [0.03, 0.3])
 def test_a_relaxing_drive_is_the_drive_with_an_element(machine, fraction):
     c = 1e-4
-    built_in = ModifiedChain(machine.nominal.with_actuator_compliance(c), machine.engine)
+    built_in = ModifiedMachine(machine.nominal.with_actuator_compliance(c), machine.engine)
     rig = Rig(built_in, "B", 1.0)
     time = np.linspace(0.0, 60.0, 31)
     s = np.interp(time, [0.0, 20.0, 40.0, 60.0], [0.0, 1.0, 1.0, 0.0])
@@ -255,7 +255,7 @@ def bar():
 @pytest.mark.parametrize(("fraction", "error"), [(0.003, 0.015), (0.01, 0.015), (0.1, 0.03)])
 def test_a_bar_beyond_buckling_relaxes_as_one_that_is_integrated_in_time(bar, fraction, error):
     time, s, falls, times = bar
-    rig = Rig(ModifiedChain(load_chain("pinned-column"), VjmEngine(16)), "straight", 0.105)
+    rig = Rig(ModifiedMachine(load_chain("pinned-column"), VjmEngine(16)), "straight", 0.105)
     found = rig.relaxed(time, s, Relaxation("link", (0.7 * fraction, 0.3 * fraction), times))
     fall = falls[fraction]
     # measured 0.006, 0.009 and 0.017: 0.005 is of the two bars, whose buckling loads differ by 0.0004, the rest of

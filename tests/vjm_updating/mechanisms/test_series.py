@@ -17,7 +17,7 @@ from vjm_updating.mechanisms.contacts import ActuatorBacklash, ContactCompliance
 from vjm_updating.mechanisms.drives import ActuatorCompliance
 from vjm_updating.mechanisms.effect import foot
 from vjm_updating.mechanisms.equilibrium_tables import HalfRay, beside, tabulate
-from vjm_updating.mechanisms.modified_chain import ModifiedChain, bowed
+from vjm_updating.mechanisms.modified_chain import ModifiedMachine, bowed
 from vjm_updating.mechanisms.series_elements import (
     AlongLine,
     History,
@@ -36,7 +36,7 @@ X = (1.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 @pytest.fixture(scope="module")
 def machine():
-    return ModifiedChain(load_chain("orthoglide-chain"), VjmEngine(8))
+    return ModifiedMachine(load_chain("orthoglide-chain"), VjmEngine(8))
 
 
 def history_of(machine, posture, n, step=1.0):
@@ -62,7 +62,7 @@ def test_actuator_in_series_is_the_actuator_in_the_chain(machine, posture):
     c = 3e-5
     u = np.outer(np.linspace(0.05, 2.0, 12), X)
     chain = machine.nominal.with_actuator_compliance(c)
-    built_in, K = look_of(ModifiedChain(chain, machine.engine), posture, 2.2)(u)
+    built_in, K = look_of(ModifiedMachine(chain, machine.engine), posture, 2.2)(u)
     elements = ActuatorCompliance().elements(machine, (c,))
     found = balance(look_of(machine, posture, 2.2), u, elements, history_of(machine, posture, len(u)))
     # tables interpolate: 6e-5 N of some thousand, 7e-7 of the stiffness
@@ -77,7 +77,7 @@ def test_a_base_in_series_adds_its_compliance_at_the_end_of_the_lever():
     u = rng.standard_normal((7, 6)) * np.repeat([1.0, 0.01], 3)
     lever = 200.0 * rng.standard_normal((7, 3))
     history = History(np.zeros(7), np.arange(7) == 0, np.zeros((7, 3)), lever)
-    machine = ModifiedChain(load_chain("orthoglide-chain"), VjmEngine(8))
+    machine = ModifiedMachine(load_chain("orthoglide-chain"), VjmEngine(8))
     elements = BaseCompliance().elements(machine, (1e-4, 2.0, 0.5, 6.0, 1.5, 0.7))
     found = balance(lambda v: (v @ K, np.tile(K, (len(v), 1, 1))), u, elements, history)
     about = 6e-4 / machine.nominal.characteristic_length**2
@@ -298,7 +298,7 @@ def test_bifurcation_stands_where_the_path_has_it(machine):
 def test_bowed_column_follows_the_exact_amplification():
     # a pinned column with a half-sine bow a of its own carries P at a mid deflection a P/(P_E − P) beyond a
     chain = load_chain("pinned-column")
-    machine = ModifiedChain(chain, VjmEngine(16), bow=((chain.beams[0].name, 0.5, 0.0),))
+    machine = ModifiedMachine(chain, VjmEngine(16), bow=((chain.beams[0].name, 0.5, 0.0),))
     table = tabulate(machine, HalfRay("straight", BACK, 0.08), pulls=False)
     section = chain.beams[0].effective_section()
     L = chain.beams[0].length

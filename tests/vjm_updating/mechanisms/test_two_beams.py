@@ -9,10 +9,10 @@ from helpers import linear_arm
 from vjm.engines import VjmEngine
 from vjm.io.model_file import load_chain
 from vjm_updating.mechanisms.catalogue import catalogue
-from vjm_updating.mechanisms.effect import Scene
+from vjm_updating.mechanisms.effect import TestContext
 from vjm_updating.mechanisms.equilibrium_tables import HalfRay, tabulate
 from vjm_updating.mechanisms.joint_motions import motions_of_readings
-from vjm_updating.mechanisms.modified_chain import ModifiedChain
+from vjm_updating.mechanisms.modified_chain import ModifiedMachine
 from vjm_updating.mechanisms.relaxation import relaxing
 from vjm_updating.mechanisms.series_elements import History, balance
 
@@ -26,11 +26,11 @@ LINEAR = 1e-3
 def built(folder, links):
     file = folder / "arm.toml"
     file.write_text(linear_arm.model(links, ANGLES))
-    return ModifiedChain(load_chain(file), VjmEngine(8))
+    return ModifiedMachine(load_chain(file), VjmEngine(8))
 
 
 def causes_of(machine):
-    scene = Scene(machine.nominal, machine.engine, 500.0, REACH, duration=100.0, interval=1.0)
+    scene = TestContext(machine.nominal, machine.engine, 500.0, REACH, duration=100.0, interval=1.0)
     return {effect.label: effect for effect in catalogue(scene)}
 
 
@@ -128,7 +128,7 @@ def test_a_foot_is_loaded_along_the_link_on_it(tmp_path):
     links = linear_arm.arm("foot", "upper", "fore")
     file = tmp_path / "leg.toml"
     file.write_text(linear_arm.model(links, {"bent": (0.0, 0.6, 0.9)}))
-    leg = ModifiedChain(load_chain(file), VjmEngine(8))
+    leg = ModifiedMachine(load_chain(file), VjmEngine(8))
     (slips,) = causes_of(leg)["plasticity.foot"].elements(leg, (100.0, 0.1, 0.3, 0.5))
     assert slips.place.link == "upper"
     pull_and_push = causes_of(leg)["tension_compression_asymmetry.foot"].machine(leg, (1.3, 0.0))

@@ -133,7 +133,9 @@ DOUBTFUL = {
 def test_columns_that_are_mistaken_are_named(case, good, tmp_path):
     spoil, words = DOUBTFUL[case]
     found = read_test(*files(tmp_path, spoil(good))).considered(False)
-    assert [one.grade for one in found if words in one.found] == ["doubtful"], [one.found for one in found]
+    assert [one.grade for one in found if words in one.description] == ["doubtful"], [
+        one.description for one in found
+    ]
 
 
 def test_nothing_is_fitted_to_mistaken_columns(good, tmp_path):
@@ -168,7 +170,7 @@ def test_a_tool_sensor_read_as_the_bases_is_named(good, tmp_path):
     in_tool = np.einsum("gba,gb->ga", R, force)
     columns = good | dict(zip(FORCES, in_tool.T, strict=True))
     found = read_test(*files(tmp_path, columns)).considered(False)
-    assert any("write axes = 'tool' in [loads.hook]" in one.found for one in found)
+    assert any("write axes = 'tool' in [loads.hook]" in one.description for one in found)
 
 
 def test_blanks_are_left_out_and_one_coordinate_is_enough(good, tmp_path):

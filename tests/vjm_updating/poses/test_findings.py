@@ -112,7 +112,7 @@ def test_a_joint_that_wants_to_be_stiffer_than_rigid_is_a_finding(springs, tmp_p
     state = study.settle(Hypothesis(("actuator_compliance",)))
     said = list(at_bounds(study, estimates(study, state)))
     assert [one.where for one in said] == ["readings.csv, actuator_compliance.joint-3"]
-    assert "stiffer than rigid" in said[0].found
+    assert "stiffer than rigid" in said[0].description
     row = next(row for row in estimates(study, state) if row.name == "actuator_compliance.joint-3")
     assert (row.value, row.interval95[0]) == (0.0, 0.0)
     assert row.interval95[1] > 0.0

@@ -11,7 +11,7 @@ from scipy.stats import multivariate_normal
 
 from vjm_updating.inference.model_error import NODES, WEIGHTS
 from vjm_updating.inference.significance import LAW_ERROR
-from vjm_updating.poses.families import VALUE, Member
+from vjm_updating.poses.families import VALUE, FamilyParameter
 from vjm_updating.poses.fit import PostureNoise, blocks_of, solve
 from vjm_updating.poses.study import law_evidence
 
@@ -31,7 +31,7 @@ def test_the_evidence_is_that_of_the_marginal_likelihood():
     )
     found = solve(made, [0, 1])
     members = [
-        Member(name=name, kind=VALUE, scale=1.0, family=of, index=0, unit="rad")
+        FamilyParameter(name=name, kind=VALUE, scale=1.0, family=of, index=0, unit="rad")
         for name, of in (("a", "one"), ("b", "one"), ("c", "two"))
     ]
     got = law_evidence(made, [shapes, shapes, None], members, found, PostureNoise(), made)

@@ -63,8 +63,8 @@ def test_tracked_orientation_fits_to_its_noise(tmp_path):
     _, study = prepared(tmp_path / "readings.csv", tmp_path / "sheet.toml")
     state = study.settle(Hypothesis())
     # 120 angles, six of them spent on frames: the estimate's own standard deviation is 7 %
-    assert np.sqrt(np.mean(state.at.residual[..., 3:] ** 2)) == pytest.approx(NOISE_RAD, rel=0.25)
-    assert np.sqrt(np.mean(state.at.residual[..., :3] ** 2)) == pytest.approx(0.05, rel=0.25)
+    assert np.sqrt(np.mean(state.linearised.residual[..., 3:] ** 2)) == pytest.approx(NOISE_RAD, rel=0.25)
+    assert np.sqrt(np.mean(state.linearised.residual[..., :3] ** 2)) == pytest.approx(0.05, rel=0.25)
 
 
 CSV = "joint-1.q_rad,joint-2.q_rad,target.x_mm,target.y_mm,target.z_mm\n0.1,0.2,1,2,3\n"

@@ -90,7 +90,7 @@ def test_an_inclinometer_fits_to_its_noise_and_helps(tilted, tmp_path):
     _, study = prepared(*files)
     state = study.settle(Hypothesis(("actuator_compliance",)))
     # 190 readings, three of them spent on the instrument's frame: 5 % is the estimate's own standard deviation
-    left = state.at.residual[:, 1, 3:5]
+    left = state.linearised.residual[:, 1, 3:5]
     assert np.sqrt(np.nanmean(left**2)) == pytest.approx(NOISE_RAD, rel=0.2)
     only = {name: values for name, values in columns.items() if not name.startswith("level")}
     alone = calibrate_poses(

@@ -41,7 +41,7 @@ def two(tmp_path_factory):
 
 
 def test_series_have_frames_of_their_own_and_share_the_machine(two):
-    found = calibrate([load_data(*one) for one in two], fit=SPRINGS).found
+    found = calibrate([load_data(*one) for one in two], fit=SPRINGS).figures
     assert [(row.file, row.postures) for row in found.series] == [
         ("readings.csv (1)", 50),
         ("readings.csv (2)", 40),
@@ -59,7 +59,7 @@ def test_series_have_frames_of_their_own_and_share_the_machine(two):
 
 
 def test_one_series_says_that_a_prior_stands_for_the_scatter(two):
-    found = calibrate(load_data(*two[0]), fit=SPRINGS).found
+    found = calibrate(load_data(*two[0]), fit=SPRINGS).figures
     assert found.after.series_mm is None
     assert any("is a prior's" in line for line in lines(found))
     known = [m for m in found.families[0].members if m.identifiable]
@@ -67,7 +67,7 @@ def test_one_series_says_that_a_prior_stands_for_the_scatter(two):
 
 
 def test_frames_of_one_series_have_no_scatter_that_one_series_cannot_know(two):
-    found = calibrate(load_data(*two[0]), fit=("frame_error",)).found
+    found = calibrate(load_data(*two[0]), fit=("frame_error",)).figures
     assert all(m.interval95 == m.within_series95 and m.scatter == 0.0 for m in found.families[0].members)
 
 
@@ -112,11 +112,11 @@ def test_scatter_is_that_of_balanced_groups():
 def test_a_series_is_cut_where_the_tracker_moved(tmp_path):
     where = made(tmp_path, 33, 70, moved=30)
     result = calibrate(load_data(*where), fit=SPRINGS)
-    (change,) = result.found.changes
+    (change,) = result.figures.changes
     assert (change.row, change.fitted) == (32, True)
-    assert [row.postures for row in result.found.series] == [30, 40]
-    assert result.found.after.series_mm is None  # the parts are of one series
-    assert result.found.after.fitted_mm < 0.15  # noise of 0.05 mm a coordinate
+    assert [row.postures for row in result.figures.series] == [30, 40]
+    assert result.figures.after.series_mm is None  # the parts are of one series
+    assert result.figures.after.fitted_mm < 0.15  # noise of 0.05 mm a coordinate
     assert result.models["calibrated-model.toml"]
 
 
@@ -154,7 +154,7 @@ def test_a_part_has_only_what_changed_as_its_own(tmp_path, change, anew):
 
 @pytest.mark.slow
 def test_a_change_that_is_fitted_leaves_the_verdict(tmp_path):
-    found = diagnose(load_data(*made(tmp_path, 34, 90, moved=40)), only=SPRINGS).found
+    found = diagnose(load_data(*made(tmp_path, 34, 90, moved=40)), only=SPRINGS).figures
     assert found.verdict == "named"
     assert found.causes == ["actuator_compliance"]
     assert [change.fitted for change in found.changes] == [True]
@@ -164,7 +164,7 @@ def test_errors_are_predicted_where_they_are_asked_for(two, tmp_path):
     near = tmp_path / "near.csv"
     header = ",".join(f"joint-{i}.q_rad" for i in range(1, 7))
     near.write_text(f"{header}\n0.1,0.4,-0.3,0.2,0.1,0\n0.1,0.4,-0.3,0.2,0.1,3.5\n")
-    asked = calibrate([load_data(*one) for one in two], fit=SPRINGS, asked=near).found.asked_for
+    asked = calibrate([load_data(*one) for one in two], fit=SPRINGS, asked=near).figures.asked_for
     assert [row.supported for row in asked.places] == [True, False]
     assert "joint-6" in asked.places[1].reason
     assert asked.with_mm < asked.without_mm
@@ -175,7 +175,7 @@ def test_errors_are_predicted_where_they_are_asked_for(two, tmp_path):
 def test_a_place_has_one_likely_configuration(two):
     end = rest(UR10, Hidden.nothing(6), np.array([[0.1, 0.4, -0.3, 0.2, 0.1, 0.0]]))[0, :3, 3]
     place = ",".join(f"{axis}={v:.0f}" for axis, v in zip("xyz", end, strict=True))
-    found = calibrate([load_data(*one) for one in two], fit=SPRINGS, asked=place).found
+    found = calibrate([load_data(*one) for one in two], fit=SPRINGS, asked=place).figures
     row = found.asked_for
     assert row.asked == sum(one.likely for one in row.places) == 1 < len(row.places)
     (said,) = of_asked(found)

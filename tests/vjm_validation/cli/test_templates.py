@@ -6,7 +6,7 @@ from helpers import template_machines
 from helpers.command import validate
 
 import vjm
-from vjm.machine.rigid_mechanism import Closing
+from vjm.machine.rigid_mechanism import LoopClosure
 from vjm.model.load_case import COMPONENTS, Load, LoadCase
 from vjm.model.machine import Machine
 from vjm.postures import in_posture
@@ -124,7 +124,7 @@ def test_mujocos_format_has_the_gantry_where_it_is(machines, tmp_path):
     read = vjm.load(back)
     for posture in ({"y": 0.0, "x": 50.0, "z": 300.0}, {"y": 400.0, "x": 900.0, "z": 20.0}):
         ends = [
-            Closing(*in_posture(machine, posture)).end[:3, 3] for machine in (machines["gantry"], read)
+            LoopClosure(*in_posture(machine, posture)).end[:3, 3] for machine in (machines["gantry"], read)
         ]  # fmt: skip
         # metres with all digits, and a few shifts of 1 m in doubles
         assert ends[1] == pytest.approx(ends[0], abs=1e-9)

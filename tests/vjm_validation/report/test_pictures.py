@@ -110,11 +110,11 @@ def test_magnification_keeps_the_machine_recognisable():
 def test_skeleton_opens_the_gap_of_the_paper_s_spring(run):
     path = path_of(run, PULLED, "vjm-paper")
     lines = skeleton(run.chain, path, path.points[-1])
-    gap = lines.at(1.0)[-1] - lines.at(1.0)[-2]
+    gap = lines.positions(1.0)[-1] - lines.positions(1.0)[-2]
     assert np.linalg.norm(gap) > 20.0
-    rest = lines.at(0.0)
+    rest = lines.positions(0.0)
     assert np.linalg.norm(rest[-1] - rest[-2]) == pytest.approx(0.0, abs=1e-9)
-    link = lines.at(1.0)[-2] - lines.at(1.0)[-3]
+    link = lines.positions(1.0)[-2] - lines.positions(1.0)[-3]
     assert np.linalg.norm(link) == pytest.approx(310.0)
     assert lines.pieces == ((0, 2, False), (1, 4, True), (3, 5, False), (4, 6, True))
 
@@ -134,7 +134,7 @@ def test_camera_faces_the_sideways_motion_with_the_tool_on_the_right(run):
     camera = Camera.framing(right, up, [lines], 5)
     np.testing.assert_allclose([right @ right, up @ up, right @ up], [1.0, 1.0, 0.0], atol=1e-12)
     assert (lines.points[-1] - lines.points[0]) @ right > 0.0
-    seen = lines.at(5) - camera.focus
+    seen = lines.positions(5) - camera.focus
     assert np.max(np.abs(seen @ right)) <= camera.half_width + 1e-9
     assert np.max(np.abs(seen @ up)) <= camera.half_height + 1e-9
 

@@ -121,7 +121,7 @@ class SolidOptions:
             material=IsotropicMaterial(self.youngs, self.poisson, 1e-9 * (self.density or 0.0)),
             base=self.base,
             tip=self.tip,
-            at=None if self.at is None else numbers(self.at, 3, "--at", "x,y,z in mm"),
+            point=None if self.at is None else numbers(self.at, 3, "--at", "x,y,z in mm"),
             held=self.base_held,
             unit_mm=self.unit_mm,
             accuracy=0.01 * self.accuracy,

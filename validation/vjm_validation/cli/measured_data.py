@@ -182,7 +182,7 @@ def calibrate_(
             progress=tell,
         )
         result.write(out)
-    document = result.found
+    document = result.figures
     status = OK if any(result.models.values()) else NOT_ACCEPTED
     if json:
         sys.stdout.write(as_json(document))
@@ -244,7 +244,7 @@ def diagnose_(
         )
         diagnosis.write(out)
     if json:
-        sys.stdout.write(as_json(diagnosis.found))
+        sys.stdout.write(as_json(diagnosis.figures))
         return 0
     console = terminal.console()
     for line in diagnosis.lines():

@@ -112,8 +112,7 @@ def _tip(length: float, n: Array, soft: Array, stiffness: Array, natural: Array,
     solution = solve_ivp(slope, (0.0, length), start, method="DOP853", rtol=1e-11, atol=1e-11)
     if not solution.success:
         raise RuntimeError(f"cantilever in space: {solution.message}")
-    end: Array = solution.y[:, -1]
-    return end
+    return solution.y[:, -1]
 
 
 def _rotation(q: Array) -> Array:

@@ -109,8 +109,7 @@ class Surface(NamedTuple):
 
     def at(self, points: Array) -> Array:
         """Its vertices ``(v, 3)`` where the drawing's points stand."""
-        result: Array = points[self.rows] + self.offsets
-        return result
+        return points[self.rows] + self.offsets
 
 
 def _along(rows: np.ndarray, own: Profile, axes: Array, shifts: Array | float = 0.0) -> Surface:
@@ -239,8 +238,7 @@ class MachineDrawing:
 
     def points(self, factor: float, oscillation: float = 0.0) -> Array:
         """The points with their displacements times a factor, and mm of the mode's largest motion."""
-        result: Array = self.rest + factor * self.moved + oscillation * self.mode
-        return result
+        return self.rest + factor * self.moved + oscillation * self.mode
 
 
 def _across(axis: Array) -> Array:

@@ -757,12 +757,10 @@ class Page:
         """A point in mm in the scene, where the machine has the size one and its middle is the origin."""
         if self._middle is None:
             self._middle = 0.5 * (drawing.rest.min(axis=0) + drawing.rest.max(axis=0))
-        result: Array = (point - self._middle) / self.explorer.extent
-        return result
+        return (point - self._middle) / self.explorer.extent
 
     def _tip(self, drawing: MachineDrawing) -> Array:
-        result: Array = drawing.end + 10.0 ** float(self._factor.value) * drawing.end_moved
-        return result
+        return drawing.end + 10.0 ** float(self._factor.value) * drawing.end_moved
 
     def _draw(self, drawing: MachineDrawing, answer: ExplorerAnswer, when: float | None) -> None:
         oscillation = 0.0 if when is None else OSCILLATION * drawing.extent * np.sin(2.0 * np.pi * when / CYCLE)

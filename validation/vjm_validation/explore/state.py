@@ -21,7 +21,7 @@ import numpy as np
 
 from vjm.analysis import held_by_itself, stiffness
 from vjm.design.best_machine import optimise
-from vjm.design.linear_state import LinearState, Question, question, state_of
+from vjm.design.linear_state import LinearState, Question, loaded_posture, state_of
 from vjm.design.modes import Modes, modes_of, total_mass
 from vjm.design.optimum import Optimum
 from vjm.design.sensitivity import compliance
@@ -34,7 +34,7 @@ from vjm.io.file_parameters import MachineFiles, unit_of_key
 from vjm.io.files import check_writable, write_together
 from vjm.io.shapes import Shape
 from vjm.machine.critical_force import CriticalForce, Weakest
-from vjm.machine.rigid_mechanism import Closing, RigidMechanism, home_label
+from vjm.machine.rigid_mechanism import LoopClosure, RigidMechanism, home_label
 from vjm.model.joint_limits import joint_limits
 from vjm.model.load_case import COMPONENTS
 from vjm.model.machine import Machine
@@ -128,7 +128,7 @@ def joint_sliders(machine: Machine, label: str) -> list[Slider]:
 
 
 def pose_sliders(
-    machine: Machine, label: str, closing: Closing, freedom: int, workspace: Mapping[str, Any] | None
+    machine: Machine, label: str, closing: LoopClosure, freedom: int, workspace: Mapping[str, Any] | None
 ) -> list[Slider]:
     """Sliders of the end's displacement from home: of its place, and of its turn where it has all six freedoms.
 
@@ -382,7 +382,7 @@ class Explorer:
         self.end = end
         machine, label = in_posture(machine, posture or next(iter(machine.postures)))
         self._label, self._labelled = label, machine
-        closing = Closing(machine, home_label(machine)) if machine.closes else None
+        closing = LoopClosure(machine, home_label(machine)) if machine.closes else None
         freedom = 0 if closing is None else closing.mobility(closing.home).freedom
         # what no drive holds moves without strain
         self.held = not held_by_itself(machine) or freedom > len(machine.held_joints)
@@ -492,8 +492,8 @@ class Explorer:
         machine, label = self._standing(setting)
         weight = self.gravity if setting.weighed and not self.held else None
         if self.held:
-            return question(machine, label, displacement=setting.load, engine=self.engine)
-        return question(machine, label, wrench=setting.load, gravity=weight, end=self.end, engine=self.engine)
+            return loaded_posture(machine, label, displacement=setting.load, engine=self.engine)
+        return loaded_posture(machine, label, wrench=setting.load, gravity=weight, end=self.end, engine=self.engine)
 
     def _at_rest(self, setting: Setting) -> LinearState:
         """Without loads; the last one is kept, so that a load alone is answered faster."""
@@ -501,7 +501,7 @@ class Explorer:
         if self._built is None or self._built[0] != key:
             machine, label = self._standing(setting)
             held = (0.0,) * 6 if self.held else None
-            state = state_of(question(machine, label, displacement=held, end=self.end, engine=self.engine))
+            state = state_of(loaded_posture(machine, label, displacement=held, end=self.end, engine=self.engine))
             self._built = (key, state)
         return self._built[1]
 

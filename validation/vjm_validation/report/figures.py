@@ -200,8 +200,7 @@ def force_at(path: Path, s: Array) -> Array:
     displacements = np.concatenate([path.s, [event.s for event in path.events]])
     force = np.concatenate([path.force, [event.force for event in path.events]])
     order = np.argsort(displacements, kind="stable")
-    result: Array = np.interp(s, displacements[order], force[order])
-    return result
+    return np.interp(s, displacements[order], force[order])
 
 
 def worst_difference(path: Path, reference: Path) -> float:

@@ -39,7 +39,7 @@ class DrawnJoint:
 
     name: str
     kind: str
-    at: Array
+    position: Array
     axis: Array
     slides: bool
 
@@ -64,7 +64,7 @@ class Geometry:
     def points(self) -> Array:
         """All points ``(k, 3)`` that the drawing must hold."""
         point_sets = [line.points for line in self.lines] + [points for _, points in self.springs]
-        point_sets += [joint.at[None] for joint in self.joints] + [T[:3, 3][None] for _, T in self.ends]
+        point_sets += [joint.position[None] for joint in self.joints] + [T[:3, 3][None] for _, T in self.ends]
         return np.vstack(point_sets) if point_sets else np.zeros((1, 3))
 
     @property
@@ -161,7 +161,7 @@ def labels(shown: Geometry) -> Iterator[tuple[str, Array]]:
     for joint in shown.joints:
         if joint.name not in seen:
             seen.add(joint.name)
-            yield joint.name, joint.at
+            yield joint.name, joint.position
     for name, points in shown.springs:
         yield name, points.mean(axis=0)
     for name, T in shown.ends:
@@ -202,11 +202,17 @@ def rendered(shown: Geometry, moved: Sequence[Array] = (), *, names: bool = True
         for joint in shown.joints:
             along = 0.03 * size * joint.axis
             if joint.slides:
-                body = pv.Cube(center=joint.at, x_length=0.04 * size, y_length=0.04 * size, z_length=0.04 * size)
+                body = pv.Cube(
+                    center=joint.position, x_length=0.04 * size, y_length=0.04 * size, z_length=0.04 * size
+                )
             else:
-                body = pv.Cylinder(center=joint.at, direction=joint.axis, radius=0.022 * size, height=0.05 * size)
+                body = pv.Cylinder(
+                    center=joint.position, direction=joint.axis, radius=0.022 * size, height=0.05 * size
+                )
             plotter.add_mesh(body, color=COLOURS[joint.kind])
-            plotter.add_mesh(pv.Line(joint.at - 2.0 * along, joint.at + 2.0 * along), color="black", line_width=2)
+            plotter.add_mesh(
+                pv.Line(joint.position - 2.0 * along, joint.position + 2.0 * along), color="black", line_width=2
+            )
         for _, points in shown.springs:
             plotter.add_mesh(
                 pv.MultipleLines(_coil(points[0], points[1], 0.015 * size)), color=SPRING, line_width=4
@@ -246,8 +252,7 @@ def _coil(a: Array, b: Array, radius: float, turns: int = 8) -> Array:
     side /= np.linalg.norm(side)
     t = np.linspace(0.0, 1.0, 20 * turns)[:, None]
     round_about = 2.0 * np.pi * turns * t
-    coil: Array = a + t * along + radius * (np.cos(round_about) * side + np.sin(round_about) * np.cross(e, side))
-    return coil
+    return a + t * along + radius * (np.cos(round_about) * side + np.sin(round_about) * np.cross(e, side))
 
 
 def page(title: str, shown: Geometry) -> str:
@@ -274,14 +279,14 @@ def page(title: str, shown: Geometry) -> str:
         half = 0.05 * shown.extent * joint.axis
         lines.append(
             {"name": joint.name, "colour": COLOURS[joint.kind], "width": 11,
-             "points": [(joint.at - 0.4 * half).tolist(), (joint.at + 0.4 * half).tolist()]}
+             "points": [(joint.position - 0.4 * half).tolist(), (joint.position + 0.4 * half).tolist()]}
         )  # fmt: skip
         lines.append(
             {
                 "name": "",
                 "colour": "#222222",
                 "width": 1,
-                "points": [(joint.at - half).tolist(), (joint.at + half).tolist()],
+                "points": [(joint.position - half).tolist(), (joint.position + half).tolist()],
             }
         )
     for T in (np.eye(4), *(T for _, T in shown.ends)):

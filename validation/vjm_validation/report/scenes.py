@@ -53,10 +53,9 @@ class Skeleton:
     beads: bool
     parts: tuple[str, ...] = ()
 
-    def at(self, magnification: float) -> Array:
+    def positions(self, magnification: float) -> Array:
         """The points with their displacements magnified, ``(k, 3)``."""
-        result: Array = self.points + magnification * self.moved
-        return result
+        return self.points + magnification * self.moved
 
 
 def skeleton(chain: Machine, path: Path, point: Equilibrium) -> Skeleton:
@@ -154,14 +153,13 @@ class Camera:
     @property
     def towards_viewer(self) -> Array:
         """Unit vector ``(3,)`` from the scene to the eye."""
-        result: Array = np.cross(self.right, self.up)
-        return result
+        return np.cross(self.right, self.up)
 
     @classmethod
     def framing(cls, right: Array, up: Array, drawn: Sequence[Skeleton], magnification: float) -> Camera:
         """The view along ``right × up`` that shows the unloaded and the displaced chains."""
         depth = np.cross(right, up)
-        seen = np.vstack([drawn[0].points, *(one.at(magnification) for one in drawn)])
+        seen = np.vstack([drawn[0].points, *(one.positions(magnification) for one in drawn)])
         across, above = seen @ right, seen @ up
         focus = (
             0.5 * (np.max(across) + np.min(across)) * right
@@ -576,7 +574,7 @@ def _scene(group: Mapping[str, Skeleton], times: float, camera: Camera, ruler: f
         _tubes(plotter, rest, 0.0, GHOST, 1.3 * unit)
         for label, one in group.items():
             colour = engine_style(label).colour
-            positions = one.at(times)
+            positions = one.positions(times)
             if one.beads:
                 _balls(plotter, positions, 1.7 * unit, colour)
             else:
@@ -619,7 +617,7 @@ def _pyvista() -> Any:  # noqa: ANN401
 
 def _tubes(plotter: Any, one: Skeleton, times: float, colour: str, radius: float) -> None:  # noqa: ANN401
     pv = _pyvista()
-    positions = one.at(times)
+    positions = one.positions(times)
     for first, last, thin in one.pieces:
         points = positions[first:last]
         if np.max(np.ptp(points, axis=0)) > 1e-6:

@@ -18,7 +18,7 @@ from vjm_fea.exudyn.engine import ExudynEngine
 from vjm_updating import diagnose, load_data
 from vjm_updating.diagnosis.document import Diagnosis
 from vjm_updating.experiment import read_measurement
-from vjm_updating.mechanisms.modified_chain import ModifiedChain
+from vjm_updating.mechanisms.modified_chain import ModifiedMachine
 from vjm_updating.result import EXTENDED
 from vjm_updating.simulate import DATA, SHEET, Truth, simulate
 from vjm_validation.studies.chain import CAUSE, Discovery, DiscoveryStudy
@@ -87,7 +87,7 @@ def study(out: FilePath) -> DiscoveryStudy:
     data, sheet = folder / DATA, folder / SHEET
     diagnosed = diagnose(load_data(data, sheet))
     diagnosed.write(folder)
-    diagnosis = diagnosed.found
+    diagnosis = diagnosed.figures
     assert isinstance(diagnosis, Diagnosis)  # the sheet is one of ramps
     measurement = read_measurement(data, sheet)
     extended = load_chain(folder / EXTENDED)
@@ -109,7 +109,7 @@ def study(out: FilePath) -> DiscoveryStudy:
 
 def _critical_force(chain: Machine, truth: Truth) -> float | None:
     """Critical force in compression of the finite elements that made the data, with the parts that were drawn."""
-    drawn = ModifiedChain(chain, VjmEngine())
+    drawn = ModifiedMachine(chain, VjmEngine())
     for name, value in truth.nuisances.items():
         kind, _, part = name.partition(" ")
         if kind == "length":

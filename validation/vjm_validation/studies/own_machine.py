@@ -23,7 +23,7 @@ from vjm.errors import NoConvergenceError
 from vjm.io.file_parameters import MachineFiles
 from vjm.machine.equilibria import Equilibria, equilibria
 from vjm.machine.inverse_kinematics import ranges_of
-from vjm.machine.rigid_mechanism import Closing
+from vjm.machine.rigid_mechanism import LoopClosure
 from vjm.model.load_case import COMPONENTS, RAMP, TO_LIMIT, Load, LoadCase
 from vjm.model.machine import Machine
 from vjm.model.mechanism import Gravity, Mechanism
@@ -458,15 +458,14 @@ def _joint_axis(study: OwnMachine, model: Mechanism, name: str, posture: str, co
 
 def _motions(machine: Machine, label: str, driven: Sequence[str]) -> Array:
     """Shifts ``(3, k)`` of the end by independent motions of the drives, lengths over the machine's."""
-    closing = Closing(machine, label)
+    closing = LoopClosure(machine, label)
     _, J, _, J_end = closing.tree.linearised(closing.home[None])
     moving = np.array([name in driven for name in closing.tree.names]) | closing.tree.passive * machine.closes
     gaps, shifts = J[0][:, moving], J_end[0][:3, moving]
     if not len(gaps):
         return shifts
     _, s, Vt = np.linalg.svd(gaps)
-    result: Array = shifts @ Vt[int(np.count_nonzero(s > SINGULAR * s[0])) :].T
-    return result
+    return shifts @ Vt[int(np.count_nonzero(s > SINGULAR * s[0])) :].T
 
 
 def _dexterity(machine: Machine, label: str, driven: Sequence[str]) -> tuple[int, float]:
@@ -485,8 +484,7 @@ def _reached(machine: Machine, label: str, driven: Sequence[str]) -> list[int]:
 
 
 def _end(machine: Machine, label: str) -> Array:
-    result: Array = Closing(machine, label).end
-    return result
+    return LoopClosure(machine, label).end
 
 
 # --- Load paths of a user's own machine, its critical points, and how many springs they need ----------------------
@@ -644,8 +642,7 @@ def _load_rows(study: OwnMachine) -> list[LoadRow]:
 
 def _moved(path: Path) -> Array:
     """Displacement ``(6,)`` of the end-effector along the path; rotation vectors of some hundredths add up."""
-    result: Array = path.points[-1].displacement - path.points[0].displacement
-    return result
+    return path.points[-1].displacement - path.points[0].displacement
 
 
 def _critical_row(key: Key, path: Path) -> CriticalRow:
@@ -846,8 +843,7 @@ def _size(request: Request, machine: Machine, labels: Sequence[str], lumped: Vjm
 def _compliance(states: Equilibria) -> Array:
     """``(e, 6, 6)`` of the first posture."""
     assert states.compliance is not None
-    C: Array = states.compliance[0]
-    return C
+    return states.compliance[0]
 
 
 def _stiffness(
@@ -858,7 +854,7 @@ def _stiffness(
         for load in ("none", "weight") if request.gravity else ("none",):
             gravity = request.gravity if load == "weight" else None
             states = equilibria(model, model.posture(label), gravity=gravity)
-            if not states.found[0]:
+            if not states.converged[0]:
                 study.note(f"posture {label}, load {load}: no equilibrium, and so no stiffness")
                 continue
             for end, C in zip(model.ends, _compliance(states), strict=True):

@@ -21,7 +21,7 @@ from vjm.errors import NoConvergenceError
 from vjm.io.machine_file import load_model
 from vjm.machine import platforms
 from vjm.machine.platforms import assembled
-from vjm.machine.rigid_mechanism import Closing
+from vjm.machine.rigid_mechanism import LoopClosure
 from vjm.model.load_case import COMPONENTS, TO_LIMIT, Load, LoadCase
 from vjm.model.machine import Machine, legs_of
 from vjm.rotations import Array
@@ -387,7 +387,7 @@ def freedoms(name: str) -> list[Row]:
     unit = np.repeat([1.0, machine.characteristic_length], 3)
     rows: list[Row] = []
     for pose in machine.poses:
-        closing = Closing(machine, pose)
+        closing = LoopClosure(machine, pose)
         mobility = closing.mobility(closing.home)
         K = VjmEngine().problem(machine, LoadCase(pose, 1.0)).unloaded().stiffness
         assert K is not None

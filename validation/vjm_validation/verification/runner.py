@@ -158,8 +158,7 @@ def _along(curvature: Array, length: float) -> Array:
     twist = np.zeros((4, 4))
     twist[:3, :3] = np.cross(curvature, np.eye(3)).T
     twist[0, 3] = 1.0
-    moved: Array = expm(twist * length)
-    return moved
+    return expm(twist * length)
 
 
 def _softened(section: Section, factor: float) -> Section:
@@ -202,8 +201,7 @@ def load_case_of(run: RunTable, mesh: int) -> LoadCase:
 def unloaded_position(chain: Machine) -> Array:
     """Position ``(3,)`` of the end-effector without load, mm, world."""
     model = Mechanism(chain)
-    position: Array = model.kinematics(model.configuration(chain.posture(POSTURE))).end[:3, 3]
-    return position
+    return model.kinematics(model.configuration(chain.posture(POSTURE))).end[:3, 3]
 
 
 # --- What is read off a path: the measured value of a quantity ----------------------------------------------------

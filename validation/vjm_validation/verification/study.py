@@ -233,8 +233,7 @@ def _relative(a: Array, b: Array) -> float:
 
 
 def _turned6(vector: Array, R: Array) -> Array:
-    result: Array = np.concatenate([R @ vector[:3], R @ vector[3:]])
-    return result
+    return np.concatenate([R @ vector[:3], R @ vector[3:]])
 
 
 def verify(
