@@ -217,7 +217,6 @@ def test_one_version_everywhere():
 
 SHARED_NAMES = {
     "AppliedLoads": "wrenches on bodies as a load case says; finite elements pack them for themselves",
-    "Piece": "a stretch of a part where points are found by fraction; finite elements find them for themselves",
 }
 """Classes that two modules have, and why one name is right: it is one concept. The list may only become shorter."""
 

@@ -65,7 +65,7 @@ def diagnose(
         >>> diagnosis = diagnose(data, only=("actuator_compliance",))
         >>> [(row["cause"], row["said"]) for row in diagnosis.rows()]
         [('actuator_compliance', 'may act')]
-        >>> diagnosis.found.findings.more_than_noise
+        >>> diagnosis.figures.findings.more_than_noise
         True
     """
     data = together(data)

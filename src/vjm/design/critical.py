@@ -180,8 +180,11 @@ def _null(machine: _LoadedMachine, state: LinearState, count: int) -> tuple[Arra
 
     They are its smallest singular vectors, by inverse iteration; each left one is turned to its right one.
     """
-    neutral = machine.bordering(state.neutral)
-    system = TangentSystem(machine.bordered(state), neutral, neutral)
+    neutral, B = machine.bordering(state.neutral), machine.bordered(state)
+    # a tangent may be singular to the last digit: what is added changes null vectors by rounding. The unloaded one
+    # counts for the size, since of a machine with one motion the critical one is zero
+    size = np.linalg.norm(machine.bordered(machine.base))
+    system = TangentSystem(B + SUM_ROUNDING * size * np.eye(len(B)), neutral, neutral)
     V = W = np.random.default_rng(0).standard_normal((len(machine.zero), count))
     for _ in range(INVERSE_STEPS):
         W = np.linalg.qr(system.solve(V, transposed=True)[0])[0]

@@ -38,7 +38,7 @@ from vjm_updating.inference.forward import Forward, Predictor, observe_ramps
 from vjm_updating.inference.instruments import LEVER, InstrumentScale, InstrumentZero, ThermalDrift
 from vjm_updating.inference.observed import Observed
 from vjm_updating.mechanisms.catalogue import Maker, catalogue
-from vjm_updating.mechanisms.effect import Effect, TestContext
+from vjm_updating.mechanisms.effect import Effect, ExperimentContext
 from vjm_updating.mechanisms.equilibrium_tables import first_force
 from vjm_updating.mechanisms.loads import LoadMisalignment
 from vjm_updating.mechanisms.modified_chain import STANDARD_GRAVITY
@@ -270,10 +270,10 @@ def ramp_effects(observed: Observed, more: Sequence[Maker] = ()) -> list[Effect]
     return [*catalogue(scene, more), *instrument_effects(observed, scene.duration, _largest(observed, scene))]
 
 
-def scene_of(observed: Observed, force: float, reach: float) -> TestContext:
+def scene_of(observed: Observed, force: float, reach: float) -> ExperimentContext:
     """A test as its effects take it, without gravity; its largest force in N, and how far it moved, mm."""
     measurement, clock = observed.measurement, observed.clock
-    return TestContext(
+    return ExperimentContext(
         chain=measurement.chain,
         engine=measurement.engine,
         force=force,
@@ -304,7 +304,7 @@ def instrument_effects(observed: Observed, duration: float, largest: Mapping[str
     return effects
 
 
-def _largest(observed: Observed, scene: TestContext) -> dict[str, float]:
+def _largest(observed: Observed, scene: ExperimentContext) -> dict[str, float]:
     """The largest reading by its unit: what gauges of that kind are made for."""
     moment = float(np.abs(np.nan_to_num(observed.measured[:, 3:])).max())
     turn = float(np.abs(observed.imposed[:, 3:]).max())

@@ -15,7 +15,7 @@ from vjm_updating.mechanisms.drives import (
     actuator_hardening_effects,
     asymmetry_effects,
 )
-from vjm_updating.mechanisms.effect import Effect, TestContext
+from vjm_updating.mechanisms.effect import Effect, ExperimentContext
 from vjm_updating.mechanisms.hysteresis import creep_effects, joint_friction_effects, plasticity_effects
 from vjm_updating.mechanisms.loads import gravity_effects, load_misalignment_effects
 from vjm_updating.mechanisms.structure import (
@@ -27,7 +27,7 @@ from vjm_updating.mechanisms.structure import (
     part_compliance_effects,
 )
 
-Maker = Callable[[TestContext], list[Effect]]
+Maker = Callable[[ExperimentContext], list[Effect]]
 MAKERS: tuple[Maker, ...] = (
     link_lumping_effects, foot_lumping_effects, actuator_compliance_effects, actuator_hardening_effects,
     lost_motion_effects, joint_friction_effects, contact_compliance_effects, base_compliance_effects,
@@ -36,7 +36,7 @@ MAKERS: tuple[Maker, ...] = (
 )  # fmt: skip
 
 
-def catalogue(scene: TestContext, more: Sequence[Maker] = ()) -> list[Effect]:
+def catalogue(scene: ExperimentContext, more: Sequence[Maker] = ()) -> list[Effect]:
     """Every effect that makes sense in a scene, each variant on its own."""
     return [effect for make in (*MAKERS, *more) for effect in make(scene)]
 

@@ -10,7 +10,7 @@ import numpy as np
 from vjm.rotations import Array
 from vjm_updating.constants import numerical, prior_scale
 from vjm_updating.mechanisms.drives import BEFORE_JOINTS, DriveSite, InDrive, drives
-from vjm_updating.mechanisms.effect import Effect, Quantity, TestContext, along_link, drive
+from vjm_updating.mechanisms.effect import Effect, ExperimentContext, Quantity, along_link, drive
 from vjm_updating.mechanisms.modified_chain import ModifiedMachine
 from vjm_updating.mechanisms.series_elements import ElementSite, SeriesElement, memoryless
 
@@ -58,7 +58,7 @@ class ContactCompliance(Effect):
         return (SeriesElement(place, memoryless(law)),)
 
 
-def contact_compliance_effects(scene: TestContext) -> list[Effect]:
+def contact_compliance_effects(scene: ExperimentContext) -> list[Effect]:
     """In the drive's bearings, and in those of each link's joints."""
     effects: list[Effect] = [ContactCompliance("actuator")] if scene.machine.drive_axis is not None else []
     return [*effects, *(ContactCompliance(part or "joints", link) for part, link in scene.places(jointed=True))]
@@ -171,7 +171,7 @@ class JointClearance(Effect):
         return (play(along_link(machine, self.link), values, self.force),)
 
 
-def lost_motion_effects(scene: TestContext) -> list[Effect]:
+def lost_motion_effects(scene: ExperimentContext) -> list[Effect]:
     """In every drive, and along each link that has a joint."""
     effects: list[Effect] = [ActuatorBacklash(own.force, own.part, own) for own in drives(scene)]
     return [*effects, *(JointClearance(scene.force, part, link) for part, link in scene.places(jointed=True))]

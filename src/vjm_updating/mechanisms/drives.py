@@ -18,7 +18,7 @@ from vjm.model.machine import FOOT, Machine
 from vjm.model.parts import Joint, JointKind, Part
 from vjm.rotations import Array
 from vjm_updating.constants import prior_scale
-from vjm_updating.mechanisms.effect import SAME, Effect, Quantity, TestContext, drive, part_table
+from vjm_updating.mechanisms.effect import SAME, Effect, ExperimentContext, Quantity, drive, part_table
 from vjm_updating.mechanisms.joint_motions import braced, joint_motions
 from vjm_updating.mechanisms.modified_chain import LINK, NEITHER, ModifiedMachine, foot_of, links_of, place_of
 from vjm_updating.mechanisms.series_elements import AtJoint, ElementSite, SeriesElement, memoryless
@@ -136,7 +136,7 @@ class InDrive(Effect, ABC):
         return self.drive.place(machine)
 
 
-def drives(scene: TestContext) -> list[DriveSite]:
+def drives(scene: ExperimentContext) -> list[DriveSite]:
     """The drive before all passive joints, where there is one, and those in joints, from base to tool.
 
     Joints that move the end-effector alike in every posture of a test, about one line or along one direction, are
@@ -175,7 +175,7 @@ def drives(scene: TestContext) -> list[DriveSite]:
     return sites
 
 
-def _begun(scene: TestContext) -> list[tuple[Array, dict[str, Array]]]:
+def _begun(scene: ExperimentContext) -> list[tuple[Array, dict[str, Array]]]:
     """Of each ramp the wrench ``(6,)`` with which it begins, over its force, and the joints' motions ``(6,)``."""
     ramps = []
     for posture, direction in scene.rays:
@@ -278,7 +278,7 @@ class ActuatorCompliance(InDrive):
                 table[self.quantities()[0].name] = float(joint.compliance)
 
 
-def actuator_compliance_effects(scene: TestContext) -> list[Effect]:
+def actuator_compliance_effects(scene: ExperimentContext) -> list[Effect]:
     """In every drive."""
     return [ActuatorCompliance(own.part, own) for own in drives(scene)]
 
@@ -347,7 +347,7 @@ def wound_up_by_load(load: Array, ratio: float, power: float) -> tuple[Array, Ar
     return np.sign(load) * (size * (1.0 + grown / (power + 1.0)) + (np.abs(load) - size) / ratio), 1.0 + grown
 
 
-def actuator_hardening_effects(scene: TestContext) -> list[Effect]:
+def actuator_hardening_effects(scene: ExperimentContext) -> list[Effect]:
     """In every drive."""
     return [ActuatorHardening(own.force, own.compliance, own.part, own) for own in drives(scene)]
 
@@ -436,7 +436,7 @@ class DriveAsymmetry(PullAndPush):
         return (SeriesElement(self.drive.place(machine), memoryless(law)),)
 
 
-def asymmetry_effects(scene: TestContext) -> list[Effect]:
+def asymmetry_effects(scene: ExperimentContext) -> list[Effect]:
     """Of each drive where the model has a spring, of the foot and of each link, where the test loads them."""
     elastic = [own for own in drives(scene) if own.compliance > 0.0]
     effects: list[Effect] = [DriveAsymmetry(own.compliance, own.part or "actuator", own) for own in elastic]
@@ -445,7 +445,7 @@ def asymmetry_effects(scene: TestContext) -> list[Effect]:
     return [effect for effect in effects if not isinstance(effect, Asymmetry) or _is_pulled(scene, effect)]
 
 
-def _is_pulled(scene: TestContext, effect: Asymmetry) -> bool:
+def _is_pulled(scene: ExperimentContext, effect: Asymmetry) -> bool:
     """Whether a ramp of the test pulls on the part, or pushes; what only bends has one stiffness."""
     machine = effect.machine(scene.machine, (1.0, 0.0))
     for posture, direction in scene.rays:

@@ -143,7 +143,7 @@ class Quantity:
 
 
 @dataclass(frozen=True)
-class TestContext:
+class ExperimentContext:
     """What an effect must know of a test to make sense of it.
 
     Attributes:

@@ -11,7 +11,7 @@ from vjm.model.machine import FOOT
 from vjm.rotations import Array
 from vjm_updating.constants import numerical, prior_scale
 from vjm_updating.mechanisms.drives import BEFORE_JOINTS, DriveSite, InDrive, drives
-from vjm_updating.mechanisms.effect import Effect, Quantity, TestContext, along_link, foot, has_joint
+from vjm_updating.mechanisms.effect import Effect, ExperimentContext, Quantity, along_link, foot, has_joint
 from vjm_updating.mechanisms.history_kernels import friction_along
 from vjm_updating.mechanisms.modified_chain import LINK, ModifiedMachine, foot_of, link_of, links_of, place_of
 from vjm_updating.mechanisms.relaxation import Relaxation
@@ -86,7 +86,7 @@ class JointFriction(Effect):
         return {f"{self.cause}.torque_Nmm": torque * mean} | own | {f"{self.cause}.presliding_rad": elastic}
 
 
-def joint_friction_effects(scene: TestContext) -> list[Effect]:
+def joint_friction_effects(scene: ExperimentContext) -> list[Effect]:
     """Where there are joints."""
     return [JointFriction(joints=len(scene.chain.joints))] if scene.chain.joints else []
 
@@ -162,7 +162,7 @@ class Creep(Effect):
         return Relaxation(part, ((1.0 - slow) * fraction, slow * fraction), (time, later * time))
 
 
-def creep_effects(scene: TestContext) -> list[Effect]:
+def creep_effects(scene: ExperimentContext) -> list[Effect]:
     """In each drive that is elastic, and in each beam, where there is a clock."""
     if scene.duration <= 0.0 or scene.interval <= 0.0:
         return []
@@ -231,7 +231,7 @@ class Plasticity(InDrive):
         return foot(machine) if self.part == "foot" else along_link(machine, self.link)
 
 
-def plasticity_effects(scene: TestContext) -> list[Effect]:
+def plasticity_effects(scene: ExperimentContext) -> list[Effect]:
     """In drives and foot, and along each link or in its joints."""
     effects: list[Effect] = [Plasticity(own.part or "actuator", own.force, drive=own) for own in drives(scene)]
     effects += [Plasticity("foot", scene.force)] if foot_of(scene.chain) else []

@@ -13,7 +13,7 @@ import numpy as np
 from vjm.model.machine import FOOT
 from vjm.rotations import Array, rotation_from_vector
 from vjm_updating.constants import prior_scale
-from vjm_updating.mechanisms.effect import Effect, Quantity, TestContext
+from vjm_updating.mechanisms.effect import Effect, ExperimentContext, Quantity
 from vjm_updating.mechanisms.modified_chain import ModifiedMachine, foot_of
 
 UNLIKE = prior_scale(0.2)
@@ -57,7 +57,7 @@ class Gravity(Effect):
         return replace(machine, weight=weight, gravity=self.direction)
 
 
-def gravity_effects(scene: TestContext) -> list[Effect]:
+def gravity_effects(scene: ExperimentContext) -> list[Effect]:
     """Where links have a section that their weight acts on; down is −z where the sheet does not say."""
     # in proportion to the beams' volumes: their stiffness in pull times their length
     beams = scene.chain.beams
@@ -125,7 +125,7 @@ class LoadMisalignment(Effect):
         }
 
 
-def load_misalignment_effects(scene: TestContext) -> list[Effect]:
+def load_misalignment_effects(scene: ExperimentContext) -> list[Effect]:
     """About the axis along which the test goes."""
     x, y, z = (tuple(float(v) for v in np.roll(axis, scene.driven)) for axis in np.eye(3))
     return [LoadMisalignment(x, y, z)]

@@ -17,7 +17,7 @@ from vjm.model.machine import FOOT, Machine
 from vjm.model.parts import Joint
 from vjm.rotations import inverse_frame
 from vjm_updating.constants import numerical, physical_bound
-from vjm_updating.mechanisms.effect import Effect, Quantity, TestContext
+from vjm_updating.mechanisms.effect import Effect, ExperimentContext, Quantity
 from vjm_updating.mechanisms.modified_chain import ModifiedMachine, beam_of, foot_of, links_of, place_of
 from vjm_updating.mechanisms.series_elements import AboutAxis, AlongAxis, Law, SeriesElement, memoryless
 
@@ -63,7 +63,7 @@ class LinkCompliance(PartCompliance):
     title = "the bar is softer or stiffer than its matrix says"
 
 
-def part_compliance_effects(scene: TestContext) -> list[Effect]:
+def part_compliance_effects(scene: ExperimentContext) -> list[Effect]:
     """One for each beam that the chain has."""
     feet: list[Effect] = [FootCompliance()] if foot_of(scene.chain) else []
     return [*feet, *(LinkCompliance(name, place_of(scene.chain, name)) for name in links_of(scene.chain))]
@@ -92,7 +92,7 @@ class LinkLength(Effect):
         return machine.longer(self.beam, values[0])
 
 
-def link_length_effects(scene: TestContext) -> list[Effect]:
+def link_length_effects(scene: ExperimentContext) -> list[Effect]:
     """One a link."""
     return [LinkLength(name, place_of(scene.chain, name)) for name in links_of(scene.chain)]
 
@@ -139,7 +139,7 @@ class LinkBow(Effect):
         return {"link_bow.amplitude_mm": float(np.hypot(y, z)), "link_bow.direction_rad": float(np.arctan2(z, y))}
 
 
-def link_bow_effects(scene: TestContext) -> list[Effect]:
+def link_bow_effects(scene: ExperimentContext) -> list[Effect]:
     """One a link whose section is known: one spring alone has no shape.
 
     A model file has no bow of a beam that comes out of its root or carries a joint.
@@ -170,7 +170,7 @@ class LinkLumping(Effect):
         return replace(machine, engine=replace(machine.engine, segments=LINK_SEGMENTS))
 
 
-def link_lumping_effects(scene: TestContext) -> list[Effect]:
+def link_lumping_effects(scene: ExperimentContext) -> list[Effect]:
     """Where the model has one spring a link and the links' sections are known."""
     known = all(beam_of(scene.chain, name).section is not None for name in links_of(scene.chain))
     return [LinkLumping()] if (scene.engine.segments or 1) == 1 and known else []
@@ -192,7 +192,7 @@ class FootLumping(Effect):
         return replace(machine, engine=replace(machine.engine, foot_segments=FOOT_SEGMENTS))
 
 
-def foot_lumping_effects(scene: TestContext) -> list[Effect]:
+def foot_lumping_effects(scene: ExperimentContext) -> list[Effect]:
     """Where the model has a foot of one spring and its section is known."""
     feet = [beam for beam in scene.chain.beams if beam.name == FOOT and beam.section is not None]
     return [FootLumping()] if feet and (scene.engine.foot_segments or 1) == 1 else []
@@ -329,6 +329,6 @@ def _spring(c: float) -> Law:
     return memoryless(lambda N: (c * N, np.full_like(N, c)))
 
 
-def base_compliance_effects(scene: TestContext) -> list[Effect]:
+def base_compliance_effects(scene: ExperimentContext) -> list[Effect]:
     """Always."""
     return [BaseCompliance()]

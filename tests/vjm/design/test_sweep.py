@@ -592,7 +592,7 @@ def test_each_row_of_the_library_has_the_area_that_is_printed_for_its_size(name)
     ("text", "name", "said"),
     [
         ("", "a.csv", "has no rows"),
-        ("width_mm,wall_mm\n40\n", "a.csv", "row 1: needs a value for each of width_mm, wall_mm"),
+        ("width_mm,wall_mm\n40\n", "a.csv", "line 2: has 1 cells, and the table has 2 columns"),
         ("rows = 3\n", "a.toml", r"write \[\[rows\]\]"),
         ("rows = \n", "a.toml", "not valid TOML"),
     ],

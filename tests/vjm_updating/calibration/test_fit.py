@@ -58,7 +58,7 @@ def test_the_displacements_noise_is_what_it_makes_of_the_residuals(make: Make):
     forward, found = problem.forward(problem.observed), problem.unknowns.all
     at = forward.evaluate(found, z, ())
     h, observed = 1e-5, problem.observed
-    moved = (replace(observed, pose=observed.imposed + s * h * np.eye(6)[0]) for s in (1.0, -1.0))
+    moved = (replace(observed, imposed=observed.imposed + s * h * np.eye(6)[0]) for s in (1.0, -1.0))
     more, less = (problem.forward(other).evaluate(found, z, ()).residual for other in moved)
     slope = (more - less) / (2.0 * h)
     noise = observed.noise

@@ -21,7 +21,7 @@ from vjm_updating.experiment.data_file import WRENCH
 from vjm_updating.inference.forward import observe_ramps
 from vjm_updating.inference.parameters import nuisance_coordinates
 from vjm_updating.mechanisms.catalogue import catalogue
-from vjm_updating.mechanisms.effect import TestContext
+from vjm_updating.mechanisms.effect import ExperimentContext
 from vjm_updating.mechanisms.modified_chain import foot_of, links_of
 
 TOLERANCE, STEP = 0.02, 2.0
@@ -301,7 +301,7 @@ def test_every_part_of_a_machine_has_its_tolerances_and_causes(tmp_path: Path) -
     coordinates = nuisance_coordinates(observe_ramps(measurement))
     for kind in ("modulus", "length"):
         assert [c.subject for c in coordinates if c.kind == kind] == names
-    effects = catalogue(TestContext(measurement.chain, measurement.engine, 100.0, 1.0))
+    effects = catalogue(ExperimentContext(measurement.chain, measurement.engine, 100.0, 1.0))
     for cause in ("link_compliance", "link_length", "link_bow", "tension_compression_asymmetry"):
         assert [e.part for e in effects if e.cause == cause and not e.part.startswith("j-")] == names
     assert len({e.label for e in effects}) == len(effects)
@@ -310,7 +310,7 @@ def test_every_part_of_a_machine_has_its_tolerances_and_causes(tmp_path: Path) -
 def test_single_link_needs_no_word_for_its_place() -> None:
     chain = load_chain("orthoglide-chain")
     assert (foot_of(chain), links_of(chain)) == ("foot", ["link"])
-    labels = {e.label for e in catalogue(TestContext(chain, VjmEngine(12), 1000.0, 1.0))}
+    labels = {e.label for e in catalogue(ExperimentContext(chain, VjmEngine(12), 1000.0, 1.0))}
     assert {"link_compliance", "foot_compliance", "link_length", "link_bow"} <= labels
 
 

@@ -118,7 +118,7 @@ def fitted(tmp_path_factory, make):
         found = tuple(coordinates(fitter.nuisances, (effect,)))
         z = null.evaluation.z.copy()
         z[[(c.kind, c.subject) == release_key(effect) for c in found]] = sigmas
-        fit = replace(null, hypothesis=(effect,), found=found, at=fitter.evaluate(found, z, (effect,)))
+        fit = replace(null, hypothesis=(effect,), parameters=found, evaluation=fitter.evaluate(found, z, (effect,)))
         return fitter, replace(fit, jacobian=fitter.slopes(found, fit.evaluation, (effect,)))
 
     return at
@@ -126,8 +126,10 @@ def fitted(tmp_path_factory, make):
 
 def test_a_response_is_what_the_readings_lose_and_no_larger_than_what_is_explained(fitted):
     fitter, fit = fitted("link_compliance")
-    z = np.where([(c.kind, c.subject) == release_key(fit.hypothesis[0]) for c in fit.found], 0.0, fit.at.z)
-    raw = fitter.evaluate(fitter.nuisances, z, ()).residual - fit.at.residual
+    z = np.where(
+        [(c.kind, c.subject) == release_key(fit.hypothesis[0]) for c in fit.parameters], 0.0, fit.evaluation.z
+    )
+    raw = fitter.evaluate(fitter.nuisances, z, ()).residual - fit.evaluation.residual
     size = float(np.linalg.norm(fitter.whitening.flat(raw)))
     assert size > 10.0
     np.testing.assert_array_equal(responses(fitter, fit, 2.0 * size**2)[..., 0], raw)
@@ -148,7 +150,7 @@ def test_readings_of_a_law_that_is_off_leave_little(fitted):
     fitter, fit = fitted("link_compliance", 20.0)
     made = responses(fitter, fit, 1e6)[..., 0]
     off = 0.5 * made * driven_place(fitter.forward.observed)[:, None] ** 4
-    wrong = replace(fit, at=replace(fit.at, residual=fit.at.residual + off))
+    wrong = replace(fit, evaluation=replace(fit.evaluation, residual=fit.evaluation.residual + off))
     noise, plain = (
         float(projection(fitter, one).residual @ projection(fitter, one).residual) for one in (fit, wrong)
     )
@@ -180,7 +182,7 @@ def test_shapes_are_likelier_than_noise_only_where_they_are(make, tmp_path, monk
     def change(force):
         residual = null.evaluation.residual.copy()
         residual[:, 0] += np.where(fitter.whitening.present[:, 0], force * np.sin(20.0 * place), 0.0)
-        return unmodelled(fitter, replace(null, at=replace(null.evaluation, residual=residual)))
+        return unmodelled(fitter, replace(null, evaluation=replace(null.evaluation, residual=residual)))
 
     # noise speaks against them, a wave of four standard deviations for them, and ten times as large more so
     assert change(0.0) > 0.0 > change(8.0) > change(80.0)

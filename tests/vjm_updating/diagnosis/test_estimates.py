@@ -45,7 +45,9 @@ def known(effect, z, *errors, readings=lambda off: off):
         pressure=lambda fit: np.zeros(len(found)),
     )
     jacobian = np.diag(1.0 / np.array(errors))
-    return fitter, SimpleNamespace(hypothesis=(effect,), found=found, at=at, free=len(found), jacobian=jacobian)
+    return fitter, SimpleNamespace(
+        hypothesis=(effect,), parameters=found, evaluation=at, free=len(found), jacobian=jacobian
+    )
 
 
 def test_a_vector_may_be_larger_by_what_is_unknown_across_it():

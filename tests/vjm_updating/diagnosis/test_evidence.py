@@ -53,7 +53,9 @@ def test_what_either_is_or_is_not_has_no_parameter_to_pay_for():
     )
     causes = LinkLumping(), InstrumentZero(part="fx_N")
     fits = (
-        SimpleNamespace(hypothesis=(e,), found=[zero], at=SimpleNamespace(z=np.zeros(1)), objective=50.0)
+        SimpleNamespace(
+            hypothesis=(e,), parameters=[zero], evaluation=SimpleNamespace(z=np.zeros(1)), objective=50.0
+        )
         for e in causes
     )
     lumped, shifted = (criterion(fitter, fit, causes, 200.0) for fit in fits)
@@ -70,7 +72,7 @@ def test_an_instrument_off_its_sheet_costs_what_that_says_against_it():
 
     def cost(z):
         at = SimpleNamespace(z=np.array([z]))
-        fit = SimpleNamespace(hypothesis=(cause,), found=[zero], at=at, objective=50.0)
+        fit = SimpleNamespace(hypothesis=(cause,), parameters=[zero], evaluation=at, objective=50.0)
         return criterion(fitter, fit, (cause,), 200.0, Costs(off_sheet=True))
 
     # twice the logarithm of the density of Cauchy's distribution; rounding of sums of a few tens
@@ -85,7 +87,7 @@ def test_what_a_sheet_gives_exactly_is_not_free():
     fitter = SimpleNamespace(forward=SimpleNamespace(), normal=lambda fit: alike, pressure=lambda fit: np.zeros(2))
     found = [exact, *coordinates([], (drive,))]
     fit = SimpleNamespace(
-        hypothesis=(drive,), found=found, at=SimpleNamespace(z=np.array([0.0, 3.0])), objective=50.0
+        hypothesis=(drive,), parameters=found, evaluation=SimpleNamespace(z=np.array([0.0, 3.0])), objective=50.0
     )
     # three standard deviations of one: something acts, and costs its one parameter alone
     assert criterion(fitter, fit, (drive,), 200.0) == pytest.approx(50.0 + np.log(200.0), rel=1e-12)
@@ -100,7 +102,9 @@ def test_a_cause_that_may_as_well_be_nothing_costs_what_a_false_alarm_is_worth(s
 
     def cost(z):
         at = SimpleNamespace(z=np.array([z]))
-        fit = SimpleNamespace(hypothesis=(drive,), found=coordinates([], (drive,)), at=at, objective=50.0)
+        fit = SimpleNamespace(
+            hypothesis=(drive,), parameters=coordinates([], (drive,)), evaluation=at, objective=50.0
+        )
         return criterion(fitter, fit, (drive,), 200.0)
 
     # rounding of sums of a few tens

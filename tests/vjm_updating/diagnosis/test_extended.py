@@ -106,15 +106,15 @@ def test_a_command_predicts_what_the_diagnosis_did(fitted, tmp_path, case):
         for sign in (1.0, -1.0):
             s, force = curve(model, posture, sign * 1.7, *options)
             # displacements as imposed, before a tilt
-            u = np.abs(observed.pose[:, 0])
-            true = np.linalg.norm(fit.at.place[:, :3], axis=1)
-            on = (observed.readings.posture == posture) & (sign * observed.pose[:, 0] > 0.0) & (u < 1.6)
+            u = np.abs(observed.imposed[:, 0])
+            true = np.linalg.norm(fit.evaluation.place[:, :3], axis=1)
+            on = (observed.readings.posture == posture) & (sign * observed.imposed[:, 0] > 0.0) & (u < 1.6)
             for k in range(3):
                 there = np.interp(true[on], s, force[:, k])
-                size = np.abs(fit.at.wrench[on, :3]).max()
+                size = np.abs(fit.evaluation.wrench[on, :3]).max()
                 # tables, series elements and a curve's own steps are each interpolated to 1e-4 or better; a bow
                 # shortens the chord, from whose end the pose counts, by 0.003 mm
-                assert np.abs(there - fit.at.wrench[on, k]).max() < 5e-4 * size, (posture, sign, k)
+                assert np.abs(there - fit.evaluation.wrench[on, k]).max() < 5e-4 * size, (posture, sign, k)
 
 
 @pytest.mark.parametrize("case", ["bow", "base", "lumping"])
@@ -210,14 +210,14 @@ def test_from_data_to_the_extended_curve(make, tmp_path, monkeypatch, hidden, ca
 
 def test_a_displacement_turned_a_little_needs_no_tables_of_its_own(fitted):
     _, fitter, fit = fitted((LoadMisalignment(),), [(0.03, -0.02)])
-    z = fit.at.z.copy()
-    tilt = next(i for i, c in enumerate(fit.found) if c.kind == "effect")
+    z = fit.evaluation.z.copy()
+    tilt = next(i for i, c in enumerate(fit.parameters) if c.kind == "effect")
 
     def error(step):
-        z[tilt] = fit.at.z[tilt] + step
-        own = fitter.forward.evaluate(fit.found, z, fit.hypothesis)
-        beside = fitter.forward.evaluate(fit.found, z, fit.hypothesis, fit.at.z)
-        change = np.abs(own.residual - fit.at.residual).max()
+        z[tilt] = fit.evaluation.z[tilt] + step
+        own = fitter.forward.evaluate(fit.parameters, z, fit.hypothesis)
+        beside = fitter.forward.evaluate(fit.parameters, z, fit.hypothesis, fit.evaluation.z)
+        change = np.abs(own.residual - fit.evaluation.residual).max()
         return np.abs(beside.residual - own.residual).max() / change
 
     # the error is of second order: a quarter of the step, a quarter of the relative error

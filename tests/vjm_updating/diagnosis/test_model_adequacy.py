@@ -35,9 +35,9 @@ def prepared(make, tmp_path_factory):
 def with_more(prepared, force):
     """The null's fit had the first channel read so much more, N ``(n,)``."""
     fitter, null = prepared.fitter, prepared.null
-    residual = null.at.residual.copy()
+    residual = null.evaluation.residual.copy()
     residual[:, 0] += np.where(fitter.whitening.present[:, 0], force, 0.0)
-    return misfit(fitter, replace(null, at=replace(null.at, residual=residual)))
+    return misfit(fitter, replace(null, evaluation=replace(null.evaluation, residual=residual)))
 
 
 def test_noise_is_nothing(prepared):
@@ -59,7 +59,7 @@ def test_a_wave_along_the_ramp_is_seen(prepared, period, seen):
 def test_a_jump_in_one_posture_is_seen(prepared, share):
     observed = prepared.fitter.forward.observed
     own = np.flatnonzero(observed.readings.posture == "B")
-    force = np.zeros(len(observed.pose))
+    force = np.zeros(len(observed.imposed))
     force[own[int(share * len(own)) :]] = FORCE
     rest = with_more(prepared, force)
     assert rest.p < RARE
@@ -68,7 +68,9 @@ def test_a_jump_in_one_posture_is_seen(prepared, share):
 
 def test_an_oscillation_in_one_channel_is_seen(prepared):
     # a pump next door, in time and not along the ramp; of all channels together the residual is hardly larger
-    rest = with_more(prepared, 0.6 * FORCE * np.sin(2.0 * np.pi * np.arange(len(prepared.null.at.place)) / 9.3))
+    rest = with_more(
+        prepared, 0.6 * FORCE * np.sin(2.0 * np.pi * np.arange(len(prepared.null.evaluation.place)) / 9.3)
+    )
     # alone it counts from 1 in 1000; of all channels together it would be 5 in 1000
     assert rest.p < 0.001
     assert rest.left > 50.0
@@ -124,7 +126,7 @@ def test_outliers_are_found_though_they_have_pulled_the_fit(quiet, monkeypatch):
     assert fitter.whitening.autoregression.rho[0] == 0.0
     z = null.evaluation.z.copy()
     z[next(i for i, c in enumerate(null.parameters) if (c.kind, c.subject) == ("scale", "fx_N"))] += BENT
-    again = preparation.refresh(prepared, replace(null, at=fitter.evaluate(null.parameters, z, ())))
+    again = preparation.refresh(prepared, replace(null, evaluation=fitter.evaluate(null.parameters, z, ())))
     assert again is not None
     left_out = prepared.all.present & ~again.fitter.forward.observed.present
     # two that every made-up test has
@@ -155,7 +157,7 @@ def test_noise_is_found_anew_about_a_model_of_another_stiffness(make, tmp_path, 
     files = make.made_up(tmp_path, {}, 8, monkeypatch)
     prepared = preparation.prepare(observe_ramps(read_measurement(files.data, files.sheet)))
     null = prepared.null
-    best = replace(null, at=replace(null.evaluation, stiffness=stiffness * null.evaluation.stiffness))
+    best = replace(null, evaluation=replace(null.evaluation, stiffness=stiffness * null.evaluation.stiffness))
     assert (preparation.refresh(prepared, best) is not None) == renewed
 
 
@@ -167,7 +169,7 @@ def test_signatures_about_a_null_serve_others_near_by(make, tmp_path, monkeypatc
     z = null.evaluation.z.copy()
     scale = next(i for i, c in enumerate(null.parameters) if (c.kind, c.subject) == ("scale", "ux_mm"))
     z[scale] += 0.9 * NEAR_BY
-    near = replace(null, at=replace(null.evaluation, z=z))
+    near = replace(null, evaluation=replace(null.evaluation, z=z))
     assert signed.serves(fitter, near)
     for kept, anew in zip(signed.signatures, signatures(fitter, near, prepared.effects), strict=True):
         assert (kept.effect, kept.values) == (anew.effect, anew.values)
@@ -176,7 +178,7 @@ def test_signatures_about_a_null_serve_others_near_by(make, tmp_path, monkeypatc
             # the sheet's scale is known to 0.1 %; where the model is curved an effect changes by a few times that
             assert np.linalg.norm(had - has) < 0.01 * np.linalg.norm(has)
     z[scale] += NEAR_BY
-    assert not signed.serves(fitter, replace(null, at=replace(null.evaluation, z=z)))
+    assert not signed.serves(fitter, replace(null, evaluation=replace(null.evaluation, z=z)))
     # of samples that come back nothing is known
     assert not replace(signed, present=signed.present & (np.arange(len(signed.present)) > 0)[:, None]).serves(
         fitter, null

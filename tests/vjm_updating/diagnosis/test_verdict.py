@@ -29,7 +29,7 @@ LINEAR, HARDENING = ActuatorCompliance(), ActuatorHardening()
 
 
 def ranked(*effects, objective=100.0):
-    fit = SimpleNamespace(hypothesis=effects, objective=objective, found=coordinates([], effects))
+    fit = SimpleNamespace(hypothesis=effects, objective=objective, parameters=coordinates([], effects))
     return ScoredModel(fit, objective)
 
 
@@ -134,8 +134,8 @@ def test_a_set_that_says_the_same_with_more_is_no_member_of_a_class():
 def searched(squares):
     """A search that has tried hypotheses, with the squares that each leaves of 24 readings."""
     for one in squares:
-        one.fit.converged, one.fit.at = True, SimpleNamespace(residual=np.ones((4, 6)))
-    left = {len(one.fit.found): own for one, own in squares.items()}
+        one.fit.converged, one.fit.evaluation = True, SimpleNamespace(residual=np.ones((4, 6)))
+    left = {len(one.fit.parameters): own for one, own in squares.items()}
     fitter = SimpleNamespace(
         whitening=SimpleNamespace(present=np.ones((4, 6), dtype=bool), flat=np.ravel),
         squares=lambda found, _: left[len(found)],

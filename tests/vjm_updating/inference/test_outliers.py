@@ -67,7 +67,7 @@ def placed(monkeypatch, place, force=0.0):
     present[:, 0] = True
     wrench = np.zeros(present.shape)
     wrench[:, 0] = force
-    return SimpleNamespace(present=present, wrench=wrench, noise=SimpleNamespace(wrench=np.ones(6)))
+    return SimpleNamespace(present=present, measured=wrench, noise=SimpleNamespace(wrench=np.ones(6)))
 
 
 def few(observed, found):

@@ -124,7 +124,7 @@ def test_an_outlier_is_told_over_the_noise_of_load_and_motion(tmp_path):
     prepared = prepare(observe_joint(read_measurement(data, sheet)))
     fitter, null = prepared.fitter, prepared.null
     # the joint as drawn, no error of an instrument
-    as_drawn = replace(null, at=fitter.evaluate(null.parameters, np.zeros(len(null.parameters)), ()))
+    as_drawn = replace(null, evaluation=fitter.evaluate(null.parameters, np.zeros(len(null.parameters)), ()))
     found = JointSolution(prepared.all, fitter.forward.reading(prepared.all), fitter, as_drawn)
     angle, torque = np.array([[float(v) for v in row.split(",")[2:]] for row in rows]).T
     # 1e7 N mm/rad; the sheet's noise of both, and the file's rounding to 1e-7 rad

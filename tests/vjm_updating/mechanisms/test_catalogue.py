@@ -9,7 +9,7 @@ from helpers import linear_arm
 from vjm.engines import VjmEngine
 from vjm.io.model_file import load_chain
 from vjm_updating.mechanisms.catalogue import catalogue, errors_within, plug_in
-from vjm_updating.mechanisms.effect import TestContext
+from vjm_updating.mechanisms.effect import ExperimentContext
 from vjm_updating.mechanisms.hysteresis import Creep
 from vjm_updating.mechanisms.modified_chain import ModifiedMachine, beam_of
 
@@ -23,7 +23,7 @@ MECHANICAL = {
 
 def scene(segments=None):
     chain = load_chain("orthoglide-chain")
-    return TestContext(chain, VjmEngine(segments), force=3000.0, reach=2.0, duration=600.0, interval=2.0)
+    return ExperimentContext(chain, VjmEngine(segments), force=3000.0, reach=2.0, duration=600.0, interval=2.0)
 
 
 def test_every_cause_is_there():
@@ -74,7 +74,7 @@ ALONG = (1.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 def arm_scene(tmp_path, angles, change=lambda text: text, **more):
     file = tmp_path / "arm.toml"
     file.write_text(change(linear_arm.model(ARM, angles)))
-    return TestContext(load_chain(file), VjmEngine(8), 500.0, 1.0, 100.0, 1.0, **more)
+    return ExperimentContext(load_chain(file), VjmEngine(8), 500.0, 1.0, 100.0, 1.0, **more)
 
 
 def parts(found, cause, joints=False):
@@ -174,7 +174,7 @@ def test_lumping_is_a_cause_of_lumped_models_only():
 
 
 def test_column_without_foot_or_drive_has_no_such_causes():
-    column = TestContext(load_chain("pinned-column"), VjmEngine(16), force=500.0, reach=1.0)
+    column = ExperimentContext(load_chain("pinned-column"), VjmEngine(16), force=500.0, reach=1.0)
     found = {e.label for e in catalogue(column)}
     assert not [label for label in found if "foot" in label or "actuator" in label]
     assert "creep" not in {label.partition(".")[0] for label in found}

@@ -15,7 +15,7 @@ from vjm.model.parts import Joint, JointCoupling
 from vjm_updating.mechanisms import joint_motions as joint_motions_module
 from vjm_updating.mechanisms.catalogue import catalogue
 from vjm_updating.mechanisms.drives import EXPONENT, ActuatorHardening, drives
-from vjm_updating.mechanisms.effect import TestContext
+from vjm_updating.mechanisms.effect import ExperimentContext
 from vjm_updating.mechanisms.equilibrium_tables import HalfRay, tabulate
 from vjm_updating.mechanisms.joint_motions import joint_motions, motions_of_readings
 from vjm_updating.mechanisms.modified_chain import ModifiedMachine
@@ -43,7 +43,7 @@ def softer(joint, by):
 
 def scene_of(machine, postures=("bent", "folded"), axis=0, force=300.0):
     rays = tuple((posture, tuple(np.eye(6)[axis])) for posture in postures)
-    return TestContext(machine.nominal, machine.engine, force, 1.0, rays=rays)
+    return ExperimentContext(machine.nominal, machine.engine, force, 1.0, rays=rays)
 
 
 def effect_of(machine, label, **more):
@@ -200,7 +200,7 @@ def test_sizes_follow_from_the_arms_lengths():
 
 def test_the_papers_chain_has_its_one_drive():
     machine = ModifiedMachine(load_chain("orthoglide-chain"), VjmEngine(8))
-    (one,) = drives(TestContext(machine.nominal, machine.engine, 300.0, 1.0))
+    (one,) = drives(ExperimentContext(machine.nominal, machine.engine, 300.0, 1.0))
     assert (one.part, one.joint, one.turns, one.lever) == ("", "", False, 1.0)
 
 
@@ -324,7 +324,7 @@ def test_other_laws_come_near(law, ratio):
 
 
 def test_its_beam_has_no_bow_which_no_file_could_say():
-    scene = TestContext(template_machines.gantry(), VjmEngine(4), 100.0, 0.1)
+    scene = ExperimentContext(template_machines.gantry(), VjmEngine(4), 100.0, 0.1)
     labels = {effect.label for effect in catalogue(scene)}
     assert {"link_compliance.bridge", "link_compliance.ram", "link_bow.ram"} <= labels
     assert "link_bow.bridge" not in labels

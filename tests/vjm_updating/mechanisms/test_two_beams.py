@@ -9,7 +9,7 @@ from helpers import linear_arm
 from vjm.engines import VjmEngine
 from vjm.io.model_file import load_chain
 from vjm_updating.mechanisms.catalogue import catalogue
-from vjm_updating.mechanisms.effect import TestContext
+from vjm_updating.mechanisms.effect import ExperimentContext
 from vjm_updating.mechanisms.equilibrium_tables import HalfRay, tabulate
 from vjm_updating.mechanisms.joint_motions import motions_of_readings
 from vjm_updating.mechanisms.modified_chain import ModifiedMachine
@@ -30,7 +30,7 @@ def built(folder, links):
 
 
 def causes_of(machine):
-    scene = TestContext(machine.nominal, machine.engine, 500.0, REACH, duration=100.0, interval=1.0)
+    scene = ExperimentContext(machine.nominal, machine.engine, 500.0, REACH, duration=100.0, interval=1.0)
     return {effect.label: effect for effect in catalogue(scene)}
 
 

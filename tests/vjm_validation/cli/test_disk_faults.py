@@ -330,7 +330,7 @@ COMMANDS = {
         ("--plot", "--report"),
     ),
     "sweep": (
-        "vjm_validation.cli.design._computed",
+        "vjm_validation.cli.design.swept",
         ["sweep", ARM, "--vary", "upper.length_mm=400:600:2", *WRENCH],
         ("--csv", "--report"),
     ),
