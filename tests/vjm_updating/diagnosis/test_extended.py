@@ -111,10 +111,10 @@ def test_a_command_predicts_what_the_diagnosis_did(fitted, tmp_path, case):
             on = (observed.readings.posture == posture) & (sign * observed.imposed[:, 0] > 0.0) & (u < 1.6)
             for k in range(3):
                 there = np.interp(true[on], s, force[:, k])
-                size = np.abs(fit.evaluation.wrench[on, :3]).max()
+                size = np.abs(fit.evaluation.prediction[on, :3]).max()
                 # tables, series elements and a curve's own steps are each interpolated to 1e-4 or better; a bow
                 # shortens the chord, from whose end the pose counts, by 0.003 mm
-                assert np.abs(there - fit.evaluation.wrench[on, k]).max() < 5e-4 * size, (posture, sign, k)
+                assert np.abs(there - fit.evaluation.prediction[on, k]).max() < 5e-4 * size, (posture, sign, k)
 
 
 @pytest.mark.parametrize("case", ["bow", "base", "lumping"])
