@@ -229,7 +229,7 @@ class OnePath:
             if next_point.s >= end * (1.0 - LOCATED):
                 if next_point.s > end * (1.0 + LOCATED):
                     next_point = self._place(
-                        point, slope, self._gone(point, slope, next_point), lambda p: end - p.s
+                        point, slope, self._progress(point, slope, next_point), lambda p: end - p.s
                     )
                 return Passage([*points, self.problem.solve(end, next_point)])
             points.append(next_point)
@@ -278,7 +278,7 @@ class OnePath:
             raise NoConvergenceError("the ramp moves nothing")
         return np.asarray(tangent / length, dtype=float)
 
-    def _gone(self, point: Equilibrium, slope: Array, next_point: Equilibrium) -> float:
+    def _progress(self, point: Equilibrium, slope: Array, next_point: Equilibrium) -> float:
         return float(self._coordinates(slope) @ self._coordinates(next_point.state - point.state))
 
     def _growth(self, forwards: Array) -> Callable[[Equilibrium], float]:

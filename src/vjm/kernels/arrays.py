@@ -3,7 +3,7 @@
 The machine without its closures is a tree of one-degree joints. What Newton's method eliminates is its *units*: a
 block of springs, whose joints stand in a row, or one joint whose coordinate stays, because it has no spring of its
 own or drives other joints too. What stays is the *border*: closures' wrenches, forces of springs between points,
-multipliers of couplings, wrenches of loads that turn, and these coordinates. A *limb* is a subtree on the ground:
+multipliers of couplings, wrenches of loads that turn, and these coordinates. A *subtree* here stands on the ground:
 it has the columns of the border that touch it.
 """
 
@@ -26,14 +26,14 @@ SHORTEST = 1e-5
 """mm: a segment that grows is not shorter, for the stiffness would have no end. It turns by 1e-8 of what a beam of
 a metre does."""
 OWN = 4
-"""Columns of a limb before those of the border: the rotation of the body before a unit, and the right side."""
+"""Columns of a subtree before those of the border: the rotation of the body before a unit, and the right side."""
 
 Ints = np.ndarray[Any, np.dtype[np.int64]]
 Floats = np.ndarray[Any, np.dtype[np.float64]]
 
 
 class MachineArrays(NamedTuple):
-    """A machine: m joints, n coordinates, b blocks, u units, h limbs, l loads, s point springs, c closures.
+    """A machine: m joints, n coordinates, b blocks, u units, h subtrees, l loads, s point springs, c closures.
 
     Attributes:
         parent: ``(m,)`` joint before each, −1 for the ground; smaller than its own index.
@@ -59,17 +59,17 @@ class MachineArrays(NamedTuple):
         unit_column: ``(u,)`` place in the border of its coordinate, −1 where it is eliminated.
         unit_row: ``(u + 1,)`` first row of each unit.
         unit_above: ``(u,)`` unit before each, −1 for none; smaller than its own index.
-        unit_limb: ``(u,)``.
+        unit_subtree: ``(u,)``.
         carrier: ``(m,)`` unit at or before each joint, −1 for none.
-        limb_width: ``(h, 2)`` columns of each limb, without and with those of the end frames.
-        limb_column: ``(h, x)`` place in the border of each of these but the first `OWN`.
-        local: ``(h, g)`` column of a limb for each place in the border, −1 where that does not touch it.
+        subtree_width: ``(h, 2)`` columns of each subtree, without and with those of the end frames.
+        subtree_column: ``(h, x)`` place in the border of each of these but the first `OWN`.
+        local: ``(h, g)`` column of a subtree for each place in the border, −1 where that does not touch it.
         size: ``(7,)`` where in the border the closures' wrenches, couplings, springs between points, coordinates,
             turning loads and end frames begin, and where the end frames end.
         spare: ``(2,)`` number of the closures' rows that others imply, and of idle motions, such as that of a rod
             that turns between two balls.
         source_first: ``(u + 1,)`` first of each unit's sources, and
-        source: ``(z, 4)`` what of the border a unit moves: kind, index, side, column of its limb.
+        source: ``(z, 4)`` what of the border a unit moves: kind, index, side, column of its subtree.
         load_joint: ``(l,)`` last joint before each load, never −1.
         load_offset: ``(l, 3)`` behind it.
         load: ``(l, 6)`` wrench in the world, of followers at the unloaded posture.
@@ -124,10 +124,10 @@ class MachineArrays(NamedTuple):
     unit_column: Ints
     unit_row: Ints
     unit_above: Ints
-    unit_limb: Ints
+    unit_subtree: Ints
     carrier: Ints
-    limb_width: Ints
-    limb_column: Ints
+    subtree_width: Ints
+    subtree_column: Ints
     local: Ints
     size: Ints
     spare: Ints
@@ -183,7 +183,7 @@ class Work(NamedTuple):
         t: ``(n,)`` forces on the coordinates, r: ``(n,)`` the statics' residual.
         W: ``(r, 3)`` turn and V: ``(r, 3)`` velocity at the reference point by each row's coordinate.
         X: ``(r, x)`` rows of the units, D: ``(r,)`` inverse pivots, L: ``(r, 6)``, order: ``(r,)``.
-        up: ``(u, 3, x)`` what a unit passes on; P: ``(h, x, x)`` sums of the limbs, upper triangles.
+        up: ``(u, 3, x)`` what a unit passes on; P: ``(h, x, x)`` sums of the subtrees, upper triangles.
         T: ``(g + 1, g + 1)`` matrix of the border, its right side last; scale_T: ``(g,)`` units of the border;
             F: ``(y, y)`` its factor, swaps: ``(y,)``, pivots: ``(y,)``.
         Z: ``(y, t - y)``, N: ``(t - y, 6)`` and M: ``(t - y, t - y)`` of loads that turn, see `border`.
@@ -191,7 +191,7 @@ class Work(NamedTuple):
         step: ``(n,)`` motion; turn: ``(u + 1, 3)`` of the units' bodies, of the ground last; b: ``(r,)`` and
             passed: ``(u + 1, 3)`` of another right side.
         A: ``(6, 6)``, law: ``(6, 6)``, force: ``(6,)``, units: ``(6,)``, beam: ``(7,)``, strain: ``(6,)`` scratch.
-        wide: ``(h + 1,)`` columns of each limb, then the first place in the border that is not taken; column_of:
+        wide: ``(h + 1,)`` columns of each subtree, then the first place in the border that is not taken; column_of:
             ``(h, x)`` place in the border of each column; unit_width: ``(u,)`` columns when a unit was eliminated;
             row_column: ``(r,)`` place in the border of a coordinate whose pivot cancels, else −1; own: ``(6,)``
             stiffness of each of a unit's coordinates alone.
@@ -264,11 +264,11 @@ def workspace(model: MachineArrays) -> Work:
     """Arrays for the kernels to write."""
     m, n, u = len(model.parent), len(model.unit), len(model.unit_block)
     loads, s, c, e = len(model.load_joint), len(model.spring), len(model.closure_rows), len(model.end_joint)
-    r, h, f = model.unit_row[u], len(model.limb_width), model.size[2]
+    r, h, f = model.unit_row[u], len(model.subtree_width), model.size[2]
     y, t, g = model.size[4], model.size[5], model.size[6]
     x = OWN
-    for limb in range(h):
-        x = max(x, model.limb_width[limb, 1])
+    for subtree in range(h):
+        x = max(x, model.subtree_width[subtree, 1])
     # those that are added for coordinates whose pivots cancel
     x += y - model.size[3] - len(model.border)
     return Work(

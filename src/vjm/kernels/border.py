@@ -212,20 +212,20 @@ def symmetric_solve(F: Floats, swaps: Ints, pivots: Ints, rank: int, b: Floats) 
 
 @kernel
 def assemble(model: MachineArrays, command: Floats, natural: Floats, x: Floats, ends: bool, work: Work) -> None:
-    """The border's matrix from the limbs' sums, with its right side: what Newton's method asks for."""
+    """The border's matrix from the subtrees' sums, with its right side: what Newton's method asks for."""
     T, size, P, wide, column_of = work.T, model.size, work.P, work.wide, work.column_of
     last = size[6]
     g = size[6] if ends else size[5]
     T[:, :] = 0.0
-    for limb in range(len(P)):
-        width = wide[limb]
+    for subtree in range(len(P)):
+        width = wide[subtree]
         for i in range(OWN - 1, width):
-            a = last if i == OWN - 1 else column_of[limb, i]
+            a = last if i == OWN - 1 else column_of[subtree, i]
             for j in range(i, width):
-                b = last if j == OWN - 1 else column_of[limb, j]
-                T[a, b] += P[limb, i, j]
+                b = last if j == OWN - 1 else column_of[subtree, j]
+                T[a, b] += P[subtree, i, j]
                 if i != j:
-                    T[b, a] += P[limb, i, j]
+                    T[b, a] += P[subtree, i, j]
     for k in range(len(model.spring)):
         for a in range(3):
             i = size[2] + 3 * k + a

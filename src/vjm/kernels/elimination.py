@@ -69,7 +69,7 @@ def pivoted(
 
 
 @kernel
-def six_rows(X: Floats, D: Floats, row: int, width: int, up: Floats, P: Floats, u: int, limb: int) -> None:
+def six_rows(X: Floats, D: Floats, row: int, width: int, up: Floats, P: Floats, u: int, subtree: int) -> None:
     """Add ``Bᵀ D⁻¹ B`` of six rows from ``row`` on at once: a beam's spring, with which most time is spent."""
     x0, x1, x2, x3, x4, x5 = X[row], X[row + 1], X[row + 2], X[row + 3], X[row + 4], X[row + 5]
     d0, d1, d2, d3, d4, d5 = D[row], D[row + 1], D[row + 2], D[row + 3], D[row + 4], D[row + 5]
@@ -81,7 +81,7 @@ def six_rows(X: Floats, D: Floats, row: int, width: int, up: Floats, P: Floats, 
             # most units touch few places of the border
             continue
         else:
-            to, first = P[limb, q], q
+            to, first = P[subtree, q], q
         for c in range(first, width):
             to[c] += f0 * x0[c] + f1 * x1[c] + f2 * x2[c] + f3 * x3[c] + f4 * x4[c] + f5 * x5[c]
 
@@ -109,11 +109,16 @@ def eliminate(model: MachineArrays, command: Floats, natural: Floats, x: Floats,
     )  # fmt: skip
     rotary, factor, coordinate, source = model.rotary, model.factor, model.coordinate, model.source
     unit_joint, unit_row, unit_above = model.unit_joint, model.unit_row, model.unit_above
-    unit_limb = model.unit_limb
-    unit_block, unit_column, limb_width, first = model.unit_block, model.unit_column, model.limb_width, model.first
+    unit_subtree = model.unit_subtree
+    unit_block, unit_column, subtree_width, first = (
+        model.unit_block,
+        model.unit_column,
+        model.subtree_width,
+        model.first,
+    )
     border, source_first, local, kind = model.border, model.source_first, model.local, model.kind
     K, grows, unit, beams = model.K, model.grows, model.unit, model.beam
-    limb_column, column_of, wide, unit_width = model.limb_column, work.column_of, work.wide, work.unit_width
+    subtree_column, column_of, wide, unit_width = model.subtree_column, work.column_of, work.wide, work.unit_width
     row_column, scale_T, size = work.row_column, work.scale_T, work.own
     L, D, order = work.L, work.D, work.order
     O0 = O1 = O2 = 0.0
@@ -122,14 +127,14 @@ def eliminate(model: MachineArrays, command: Floats, natural: Floats, x: Floats,
     which = 1 if ends else 0
     for u in range(len(unit_block)):
         for a in range(3):
-            for c in range(limb_width[unit_limb[u], which]):
+            for c in range(subtree_width[unit_subtree[u], which]):
                 up[u, a, c] = 0.0
-    for limb in range(len(limb_width)):
-        wide[limb] = limb_width[limb, which]
-        for c in range(wide[limb]):
-            column_of[limb, c] = limb_column[limb, c - OWN] if c >= OWN else -1
-            for b in range(wide[limb]):
-                P[limb, c, b] = 0.0
+    for subtree in range(len(subtree_width)):
+        wide[subtree] = subtree_width[subtree, which]
+        for c in range(wide[subtree]):
+            column_of[subtree, c] = subtree_column[subtree, c - OWN] if c >= OWN else -1
+            for b in range(wide[subtree]):
+                P[subtree, c, b] = 0.0
     # places in the border that are kept for coordinates whose pivots cancel
     first_free, free = model.size[3] + len(border), model.size[4]
     for q in range(len(border)):
@@ -137,8 +142,8 @@ def eliminate(model: MachineArrays, command: Floats, natural: Floats, x: Floats,
     negative = 0
     for u in range(len(unit_block) - 1, -1, -1):
         j0, j1, row, above = unit_joint[u, 0], unit_joint[u, 1], unit_row[u], unit_above[u]
-        k, limb, block, column = unit_row[u + 1] - row, unit_limb[u], unit_block[u], unit_column[u]
-        width = wide[limb]
+        k, subtree, block, column = unit_row[u + 1] - row, unit_subtree[u], unit_block[u], unit_column[u]
+        width = wide[subtree]
         unit_width[u] = width
         c0 = coordinate[j0] if column >= 0 else first[block]
         f0, f1, f2, m0, m1, m2 = S[u, 0], S[u, 1], S[u, 2], S[u, 3], S[u, 4], S[u, 5]
@@ -231,7 +236,7 @@ def eliminate(model: MachineArrays, command: Floats, natural: Floats, x: Floats,
                     X[i, start + 5] += sign * w2
         if column >= 0:
             # a coordinate that stays: Ω behind is Ω + W q; its own coupling to itself is in A
-            q = local[limb, column]
+            q = local[subtree, column]
             w0, w1, w2 = W[row, 0], W[row, 1], W[row, 2]
             t[c0] += force[0]
             r[c0] += force[0]
@@ -243,9 +248,9 @@ def eliminate(model: MachineArrays, command: Floats, natural: Floats, x: Floats,
                 X[row, a] += s
             for c in range(3, width):
                 X[row, c] += w0 * up[u, 0, c] + w1 * up[u, 1, c] + w2 * up[u, 2, c]
-                P[limb, q, c] += X[row, c]
-                P[limb, c, q] += X[row, c]
-            P[limb, q, q] += quadratic
+                P[subtree, q, c] += X[row, c]
+                P[subtree, c, q] += X[row, c]
+            P[subtree, q, q] += quadratic
             for a in range(3):
                 up[u, a, q] += X[row, a]
         else:
@@ -311,24 +316,24 @@ def eliminate(model: MachineArrays, command: Floats, natural: Floats, x: Floats,
                         for c in range(width):
                             X[row + i, c] -= f * X[row + before, c]
             for i in range(kept, k):
-                q = wide[limb]
-                wide[limb] = q + 1
-                column_of[limb, q] = row_column[row + i] = first_free
+                q = wide[subtree]
+                wide[subtree] = q + 1
+                column_of[subtree, q] = row_column[row + i] = first_free
                 scale_T[first_free] = unit[c0 + order[row + i]]
                 first_free += 1
                 for c in range(q + 1):
-                    P[limb, c, q] = 0.0
+                    P[subtree, c, q] = 0.0
                 for other in range(len(unit_block)):
-                    if unit_limb[other] == limb:
+                    if unit_subtree[other] == subtree:
                         up[other, 0, q] = up[other, 1, q] = up[other, 2, q] = 0.0
                 for a in range(3):
                     up[u, a, q] = X[row + i, a]
                 for c in range(OWN - 1, width):
-                    P[limb, c, q] = X[row + i, c]
+                    P[subtree, c, q] = X[row + i, c]
                 for before in range(kept, i + 1):
-                    P[limb, q - i + before, q] = -A[i, before]
+                    P[subtree, q - i + before, q] = -A[i, before]
             if kept == 6:
-                six_rows(X, D, row, width, up, P, u, limb)
+                six_rows(X, D, row, width, up, P, u, subtree)
                 kept = 0
             for i in range(row, row + kept):
                 d = D[i]
@@ -343,14 +348,14 @@ def eliminate(model: MachineArrays, command: Floats, natural: Floats, x: Floats,
                     if f == 0.0:
                         continue
                     for b in range(c, width):
-                        P[limb, c, b] += f * X[i, b]
+                        P[subtree, c, b] += f * X[i, b]
         if above >= 0:
             for a in range(3):
-                for c in range(wide[limb]):
+                for c in range(wide[subtree]):
                     up[above, a, c] += up[u, a, c]
             for a in range(15):
                 S[above, a] += S[u, a]
-    work.wide[len(limb_width)] = first_free
+    work.wide[len(subtree_width)] = first_free
     return negative
 
 
@@ -359,7 +364,7 @@ def load(model: MachineArrays, forces: Floats, gap: Floats, work: Work) -> None:
     """Write the border's right side for ``forces`` (n,) and the closures' ``gap`` (f,); factors are at hand."""
     X, W, right, passed, b = work.X, work.W, work.right, work.passed, work.b
     L, D, order, size, border, first = work.L, work.D, work.order, model.size, model.border, model.first
-    unit_row, unit_above, unit_limb = model.unit_row, model.unit_above, model.unit_limb
+    unit_row, unit_above, unit_subtree = model.unit_row, model.unit_above, model.unit_subtree
     unit_column = model.unit_column
     unit_width, column_of, row_column, unit_block = (
         work.unit_width,
@@ -374,7 +379,7 @@ def load(model: MachineArrays, forces: Floats, gap: Floats, work: Work) -> None:
     for q in range(len(border)):
         right[size[3] + q] = -forces[border[q]]
     for u in range(len(unit_block) - 1, -1, -1):
-        row, above, limb, column = unit_row[u], unit_above[u], unit_limb[u], unit_column[u]
+        row, above, subtree, column = unit_row[u], unit_above[u], unit_subtree[u], unit_column[u]
         k, width = unit_row[u + 1] - row, unit_width[u]
         p0, p1, p2 = passed[u, 0], passed[u, 1], passed[u, 2]
         if column >= 0:
@@ -396,7 +401,7 @@ def load(model: MachineArrays, forces: Floats, gap: Floats, work: Work) -> None:
                 z = D[i] * b[i]
                 p0, p1, p2 = p0 + z * X[i, 0], p1 + z * X[i, 1], p2 + z * X[i, 2]
                 for c in range(OWN, width):
-                    right[column_of[limb, c]] -= z * X[i, c]
+                    right[column_of[subtree, c]] -= z * X[i, c]
         if above >= 0:
             passed[above, 0] += p0
             passed[above, 1] += p1
@@ -408,7 +413,7 @@ def move(model: MachineArrays, own_side: bool, work: Work) -> None:
     """Motion ``work.step`` (n,) with the border's solution: of Newton's method, or of what `load` has written."""
     X, W, y, step, turn, z = work.X, work.W, work.y, work.step, work.turn, work.force
     L, D, order, b, first = work.L, work.D, work.order, work.b, model.first
-    unit_row, unit_above, unit_limb = model.unit_row, model.unit_above, model.unit_limb
+    unit_row, unit_above, unit_subtree = model.unit_row, model.unit_above, model.unit_subtree
     unit_column = model.unit_column
     unit_width, column_of, row_column, unit_block = (
         work.unit_width,
@@ -420,7 +425,7 @@ def move(model: MachineArrays, own_side: bool, work: Work) -> None:
     last = len(turn) - 1
     turn[last, 0] = turn[last, 1] = turn[last, 2] = 0.0
     for u in range(len(unit_block)):
-        row, limb, column = unit_row[u], unit_limb[u], unit_column[u]
+        row, subtree, column = unit_row[u], unit_subtree[u], unit_column[u]
         k, width = unit_row[u + 1] - row, unit_width[u]
         before = unit_above[u] if unit_above[u] >= 0 else last
         t0, t1, t2 = turn[before, 0], turn[before, 1], turn[before, 2]
@@ -437,7 +442,7 @@ def move(model: MachineArrays, own_side: bool, work: Work) -> None:
             s = X[row + i, 0] * t0 + X[row + i, 1] * t1 + X[row + i, 2] * t2
             s += X[row + i, 3] if own_side else b[row + i]
             for c in range(OWN, width):
-                s += X[row + i, c] * y[column_of[limb, c]]
+                s += X[row + i, c] * y[column_of[subtree, c]]
             z[i] = s * D[row + i]
         for i in range(k - 1, -1, -1):
             s = z[i]

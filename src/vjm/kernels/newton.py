@@ -165,19 +165,19 @@ def newton(
             negative = stiffer if loose else negative
             work.state[4] = 0
         if tolerance > 0.0:
-            lacking, heavy = 0.0, 1.0
+            residual, reaction_scale = 0.0, 1.0
             for i in range(len(x)):
-                lacking = max(lacking, abs(r[i]) * unit[i] / energy)
-                heavy = max(heavy, abs(t[i]) * unit[i] / energy)
+                residual = max(residual, abs(r[i]) * unit[i] / energy)
+                reaction_scale = max(reaction_scale, abs(t[i]) * unit[i] / energy)
             for i in range(model.size[2]):
                 if not abs(gap[i]) < np.inf and tolerance < np.inf:
                     return DIVERGED, iteration, np.inf, -1
-                lacking = max(lacking, abs(gap[i]) * scale[i] / energy)
-                heavy = max(heavy, abs(wrench[i]) / scale[i])
+                residual = max(residual, abs(gap[i]) * scale[i] / energy)
+                reaction_scale = max(reaction_scale, abs(wrench[i]) / scale[i])
             for k in range(len(model.load_joint)):
                 for i in range(6):
-                    heavy = max(heavy, abs(acting[k, i]) / (force if i < 3 else energy))
-            error = lacking / heavy
+                    reaction_scale = max(reaction_scale, abs(acting[k, i]) / (force if i < 3 else energy))
+            error = residual / reaction_scale
             if error < tolerance and negative >= 0:
                 return (LOOSE, iteration, error, -1) if loose else (CONVERGED, iteration, error, negative)
             if not error < DIVERGING:

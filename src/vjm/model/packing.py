@@ -25,8 +25,8 @@ KEPT = 64
 
 
 ORDERED = (
-    "unit_joint", "unit_block", "unit_column", "unit_row", "unit_above", "unit_limb", "carrier", "limb_width",
-    "limb_column", "local", "size", "source_first", "source", "closure_first", "border", "border_joint",
+    "unit_joint", "unit_block", "unit_column", "unit_row", "unit_above", "unit_subtree", "carrier", "subtree_width",
+    "subtree_column", "local", "size", "source_first", "source", "closure_first", "border", "border_joint",
 )  # fmt: skip
 """Fields of `vjm.kernels.arrays.MachineArrays` that `order_of` gives."""
 
@@ -105,7 +105,7 @@ def order_of(machine: Structure) -> dict[str, np.ndarray]:
             f"a load acts within a spring, behind joint {inside[0]}: loads act on bodies between springs"
         )
     carrier = np.full(len(machine.parent), -1, dtype=np.int64)
-    above, limbs = np.full(len(units), -1, dtype=np.int64), np.zeros(len(units), dtype=np.int64)
+    above, subtrees = np.full(len(units), -1, dtype=np.int64), np.zeros(len(units), dtype=np.int64)
     of_joint = {joint: u for u, (joints, _) in enumerate(units) for joint in range(*joints)}
     for joint, parent in enumerate(machine.parent):
         before = carrier[parent] if parent >= 0 else -1
@@ -116,7 +116,7 @@ def order_of(machine: Structure) -> dict[str, np.ndarray]:
         carrier[joint] = u
         if joint == units[u][0][0]:
             above[u] = before
-            limbs[u] = limbs[before] if before >= 0 else count
+            subtrees[u] = subtrees[before] if before >= 0 else count
             count += 1 if before < 0 else 0
     width = [int(machine.first[b + 1] - machine.first[b]) if b >= 0 else 1 for _, b in units]
     first_closure = np.concatenate([[0], np.cumsum(machine.closure_rows)]).astype(np.int64)
@@ -131,21 +131,21 @@ def order_of(machine: Structure) -> dict[str, np.ndarray]:
     sources = _sources(machine, size, first_closure, carrier, above)
     touched: list[set[int]] = [set() for _ in range(count)]
     for u, own in enumerate(column):
-        limb = int(limbs[u])
+        subtree = int(subtrees[u])
         if own >= 0:
-            touched[limb].add(own)
+            touched[subtree].add(own)
         for _, _, _, first, places in sources[u]:
-            touched[limb].update(range(first, first + places))
+            touched[subtree].update(range(first, first + places))
     columns = [sorted(each) for each in touched]
     most = max((len(each) for each in columns), default=0)
-    limb_column, local = np.zeros((count, most), dtype=np.int64), np.full((count, int(size[6])), -1)
-    limb_width = np.zeros((count, 2), dtype=np.int64)
-    for limb, each in enumerate(columns):
-        limb_column[limb, : len(each)] = each
-        local[limb, each] = OWN + np.arange(len(each))
-        limb_width[limb] = OWN + sum(c < size[5] for c in each), OWN + len(each)
+    subtree_column, local = np.zeros((count, most), dtype=np.int64), np.full((count, int(size[6])), -1)
+    subtree_width = np.zeros((count, 2), dtype=np.int64)
+    for subtree, each in enumerate(columns):
+        subtree_column[subtree, : len(each)] = each
+        local[subtree, each] = OWN + np.arange(len(each))
+        subtree_width[subtree] = OWN + sum(c < size[5] for c in each), OWN + len(each)
     entries = [
-        (kind, index, side, local[limbs[u], first])
+        (kind, index, side, local[subtrees[u], first])
         for u, each in enumerate(sources)
         for kind, index, side, first, _ in each
     ]
@@ -153,8 +153,8 @@ def order_of(machine: Structure) -> dict[str, np.ndarray]:
     return {
         "unit_joint": _ints([joints for joints, _ in units], 2), "unit_block": _ints([b for _, b in units]),
         "unit_column": _ints(column), "unit_row": _ints(np.concatenate([[0], np.cumsum(width)])),
-        "unit_above": above, "unit_limb": limbs, "carrier": carrier, "limb_width": limb_width,
-        "limb_column": limb_column, "local": local.astype(np.int64), "size": size,
+        "unit_above": above, "unit_subtree": subtrees, "carrier": carrier, "subtree_width": subtree_width,
+        "subtree_column": subtree_column, "local": local.astype(np.int64), "size": size,
         "source_first": _ints(np.concatenate([[0], np.cumsum([len(each) for each in sources])])),
         "source": _ints(entries, 4), "closure_first": first_closure, "border": _ints(border),
         "border_joint": _ints([stands[c] for c in border]),

@@ -440,7 +440,7 @@ def found_changes(study: Study, state: FittedState) -> list[ChangePoint]:
     for one in study.tests:
         if one.ordered:
             families = tuple(name for name in state.hypothesis.families if name in one.families)
-            alone = one.settle(Hypothesis(families, state.hypothesis.as_deflected))
+            alone = one.gauss_newton(Hypothesis(families, state.hypothesis.as_deflected))
             series_changes += changes(one, alone)
     return series_changes
 

@@ -544,7 +544,7 @@ class DeflectionStudy(SeriesStudy):
     def misfits(self) -> tuple[Array, Array]:
         """Residuals once all compliances are fitted, over the readings' standard deviations; none without a fit."""
         try:
-            state = self.settle(Hypothesis(tuple(f for f in COMPLIANCES if f in self.families)))
+            state = self.gauss_newton(Hypothesis(tuple(f for f in COMPLIANCES if f in self.families)))
         except NoConvergenceError:
             return self.aligned * 0.0, self.aligned
         over = state.linearised.residual / self.scatter(state.linearised)

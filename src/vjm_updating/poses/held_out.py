@@ -106,7 +106,7 @@ def worse_with(study: Study, state: FittedState, ends: Array, name: str) -> str:
     near_ends = errors_at_ends(study, replace(state, blocks=study.blocks_for(state, less), solution=solution))
     if not _worse(state, ends, errors, near_ends):
         return ""
-    settled = study.settle(less, state)
+    settled = study.gauss_newton(less, state)
     its_ends = errors_at_ends(study, replace(settled, sigma=state.sigma))
     return _worse(state, ends, settled.errors, its_ends)
 

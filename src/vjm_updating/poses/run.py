@@ -419,12 +419,12 @@ def _fitted(
 ) -> tuple[Hypothesis, FittedState, FittedState]:
     """The hypothesis of chosen families, the fit of the frames alone, and its own."""
     progress("base frame and markers")
-    first = study.settle(Hypothesis())
+    first = study.gauss_newton(Hypothesis())
     hypothesis = Hypothesis()
     for name in chosen:
         hypothesis = hypothesis.plus(name)
     progress("fit")
-    return hypothesis, first, with_needed(study, study.judged(study.settle(hypothesis, first), gears=True))
+    return hypothesis, first, with_needed(study, study.judged(study.gauss_newton(hypothesis, first), gears=True))
 
 
 def _written(judged: FittedState, model: Written) -> rows.WrittenRow:

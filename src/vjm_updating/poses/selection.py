@@ -92,7 +92,7 @@ class Selection:
     def run(self) -> Selection:
         """Search, look at the noise, search on; then take back what does not hold where it was held out."""
         self.progress("base frame and markers")
-        self._add("", self.study.settle(Hypothesis()))
+        self._add("", self.study.gauss_newton(Hypothesis()))
         self._climb()
         for _ in range(AGAIN):
             before = set(self.state.hypothesis.names)
@@ -103,7 +103,7 @@ class Selection:
                 break
         while (worst := self._worst()) is not None:
             name, self.refused[name] = worst
-            self._add(f"without {name}", self.study.settle(self.state.hypothesis.minus(name), self.state))
+            self._add(f"without {name}", self.study.gauss_newton(self.state.hypothesis.minus(name), self.state))
             self._climb()
         if DRIVES in self.state.hypothesis.families:
             self._replace(with_needed(self.study, self.state))
@@ -112,7 +112,7 @@ class Selection:
                 less = replace(h, kept=(*h.kept, name))
                 if name not in h.kept and (reason := self._worse_beside(less)):
                     self.refused[name] = reason
-                    self._replace(self.study.settle(less, self.state))
+                    self._replace(self.study.gauss_newton(less, self.state))
         return self
 
     def worth(self, state: FittedState, hypothesis: Hypothesis) -> float:
@@ -136,7 +136,7 @@ class Selection:
         for move in last.moves:
             gain, larger = move.gain, len(move.hypothesis.names) > len(self.state.hypothesis.names)
             if gain > (0.0 if larger else np.log(1.0 - SURE)):
-                gain = self._gain(self.study.settle(move.hypothesis, self.state), self.state.hypothesis)
+                gain = self._gain(self.study.gauss_newton(move.hypothesis, self.state), self.state.hypothesis)
             gains[frozenset(move.hypothesis.names)] = gain
         # what was refused, or found to be worse once it had settled, is not likelier than what was chosen
         w = np.exp(np.minimum(list(gains.values()), 0.0))
@@ -167,7 +167,7 @@ class Selection:
                     continue
                 seen.add(names)
                 self.progress(move.name)
-                state = self.study.settle(move.hypothesis, step.state)
+                state = self.study.gauss_newton(move.hypothesis, step.state)
                 if self._gain(state, step.state.hypothesis) > 0.0:
                     self._add(move.name, state)
                     break
@@ -211,7 +211,7 @@ class Selection:
         # the linear fit only says whether to fit anew
         if self._gain_beside(replace(state, hypothesis=less, z=z)) >= 0.0:
             return ""
-        gain = self._gain_beside(self.study.settle(less, state))
+        gain = self._gain_beside(self.study.gauss_newton(less, state))
         return f"the other series are predicted worse with it, by {-gain:.1%}" if gain < 0.0 else ""
 
     def _gain_beside(self, less: FittedState) -> float:
@@ -263,4 +263,4 @@ def with_needed(study: Study, state: FittedState) -> FittedState:
             break
         hypothesis, evidence = others[name], worth[name]
     kept = tuple(m.name for m in study.members if m.name in hypothesis.kept)
-    return state if kept == state.hypothesis.kept else study.settle(replace(hypothesis, kept=kept), state)
+    return state if kept == state.hypothesis.kept else study.gauss_newton(replace(hypothesis, kept=kept), state)

@@ -323,7 +323,7 @@ class Study(ABC):
         """Of a hypothesis' families."""
         return [self.number(family) for family in hypothesis.families]
 
-    def settle(self, hypothesis: Hypothesis, start: FittedState | None = None) -> FittedState:
+    def gauss_newton(self, hypothesis: Hypothesis, start: FittedState | None = None) -> FittedState:
         """Fit a hypothesis: linearise, solve, and again until the mean error stays.
 
         Raises:

@@ -237,7 +237,7 @@ def written(
     without = tuple(name for name in state.hypothesis.families if name in NO_WORD)
     if without:
         families = tuple(name for name in state.hypothesis.families if name not in NO_WORD)
-        state = study.settle(replace(state.hypothesis, families=families), state)
+        state = study.gauss_newton(replace(state.hypothesis, families=families), state)
         members = estimates(study, state)
     kept = _kept(study, state, members)
     file_study, fitted, at_bound = _within_bounds(study, state, kept)
@@ -373,7 +373,7 @@ def _as_in_file(study: Study, state: FittedState, kept: Collection[str]) -> tupl
         z=np.array([z.get(m.name, 0.0) for m in file_study.members]),
         solution=replace(state.solution, sizes=sizes),
     )
-    return file_study, file_study.settle(hypothesis, start)
+    return file_study, file_study.gauss_newton(hypothesis, start)
 
 
 def _said(finding: Finding) -> tuple[str, str]:

@@ -55,7 +55,7 @@ def places(rng: np.random.Generator, count: int, changes: int) -> list[int]:
 def seen(data: Path, sheet: Path) -> list[tuple[int, str]]:
     """Rows of the changes that are found as a calibration finds them, and their kinds."""
     study = read_test(data, sheet).study
-    state = study.settle(Hypothesis(tuple(name for name in FAMILIES if name in study.families)))
+    state = study.gauss_newton(Hypothesis(tuple(name for name in FAMILIES if name in study.families)))
     return [(one.where, str(one.kind)) for one in found_changes(study, state)]
 
 

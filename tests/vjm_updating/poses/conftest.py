@@ -12,4 +12,4 @@ def springs(tmp_path_factory):
     q = drawn(8)
     where = files(tmp_path_factory.mktemp("springs"), q, measured(compliant(), q))
     measurement, study = prepared(*where)
-    return where, measurement, study, study.settle(Hypothesis(("actuator_compliance",)))
+    return where, measurement, study, study.gauss_newton(Hypothesis(("actuator_compliance",)))

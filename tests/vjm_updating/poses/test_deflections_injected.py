@@ -164,7 +164,7 @@ def test_intervals_cover_the_truth(tmp_path):
         hidden.own = np.random.default_rng(seed).uniform(0.5, 3.0, 6) * 1e-8
         d = noisy(displacement(hidden, q, force), seed)
         study = read_test(*files(tmp_path, columns_of(q, force, d))).study
-        rows = estimates(study, study.settle(Hypothesis(("actuator_compliance",))))
+        rows = estimates(study, study.gauss_newton(Hypothesis(("actuator_compliance",))))
         for row, truth in zip(rows, hidden.own, strict=True):
             (low, high), (first, last) = row.within_series95, row.interval95
             inside.append(low <= truth <= high)

@@ -109,7 +109,7 @@ def test_a_joint_that_wants_to_be_stiffer_than_rigid_is_a_finding(springs, tmp_p
     q = drawn(8)
     where = files(tmp_path, q, measured(compliant([0.0, 1.5e-8, -1e-8, 0.0, 0.0, 0.0]), q))
     _, study = prepared(*where)
-    state = study.settle(Hypothesis(("actuator_compliance",)))
+    state = study.gauss_newton(Hypothesis(("actuator_compliance",)))
     said = list(at_bounds(study, estimates(study, state)))
     assert [one.where for one in said] == ["readings.csv, actuator_compliance.joint-3"]
     assert "stiffer than rigid" in said[0].description
@@ -128,7 +128,7 @@ def test_halves_cover_and_a_change_between_them_is_a_drift(springs, tmp_path):
     softer = compliant(2.0 * OWN)
     y = np.where(np.arange(len(q))[:, None] < len(q) // 2, y, measured(softer, q))
     _, changed = prepared(*files(tmp_path, q, y))
-    later = changed.settle(Hypothesis(("actuator_compliance",)))
+    later = changed.gauss_newton(Hypothesis(("actuator_compliance",)))
     found = halves(changed, later, estimates(changed, later))
     assert found.differ
     assert found.file < found.random
@@ -181,7 +181,7 @@ def test_masses_do_not_stand_for_the_compliances_that_they_act_through(tmp_path)
         part["mass_kg"] *= wrong
     q = drawn(8, 150)
     _, study = prepared(*files(tmp_path, q, measured(compliant(2.0 * OWN), q), content=content))
-    state = study.settle(Hypothesis(("actuator_compliance", "gravity")))
+    state = study.gauss_newton(Hypothesis(("actuator_compliance", "gravity")))
     # at the compliant state the masses' columns make up for the compliances; on a rigid machine they have none
     without = Hypothesis(("gravity",))
     assert as_good(study.tried(state, without)[1], state.errors, state.sigma)
@@ -259,7 +259,8 @@ def test_a_spring_between_points_shares_the_probability_of_the_gears_that_it_sta
     _, study = prepared(*files(tmp_path, *compensated))
     selection = Selection(study, study.families)
     selection.steps = [
-        step_of(study, "", study.settle(Hypothesis(names))) for names in ((), ("actuator_compliance", "gear_error"))
+        step_of(study, "", study.gauss_newton(Hypothesis(names)))
+        for names in ((), ("actuator_compliance", "gear_error"))
     ]
     found = pose_findings(selection, judge(selection, [], [], fitted=False))
     spring = "point_spring.joint-2"
@@ -364,4 +365,4 @@ def test_no_change_is_invented(seed, tmp_path):
     y = measured(compliant(), q + 1e-4 * np.cos(3.0 * q + rng.uniform(0.0, 6.0, 6)), seed)
     y[rng.choice(len(q), 2, replace=False)] += rng.normal(0.0, 5.0, (2, 3))
     _, study = prepared(*files(tmp_path, q, y))
-    assert changes(study, study.settle(Hypothesis(("actuator_compliance",)))) == []
+    assert changes(study, study.gauss_newton(Hypothesis(("actuator_compliance",)))) == []

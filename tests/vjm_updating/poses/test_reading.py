@@ -61,7 +61,7 @@ def test_tracked_orientation_fits_to_its_noise(tmp_path):
     sheet = sheet_text(SEVEN, 0.05).replace("sigma_mm = 200.0", 'sigma_mm = 200.0\norientation = "rotation vector"')
     (tmp_path / "sheet.toml").write_text(sheet + f"noise_rad = {NOISE_RAD}\n")
     _, study = prepared(tmp_path / "readings.csv", tmp_path / "sheet.toml")
-    state = study.settle(Hypothesis())
+    state = study.gauss_newton(Hypothesis())
     # 120 angles, six of them spent on frames: the estimate's own standard deviation is 7 %
     assert np.sqrt(np.mean(state.linearised.residual[..., 3:] ** 2)) == pytest.approx(NOISE_RAD, rel=0.25)
     assert np.sqrt(np.mean(state.linearised.residual[..., :3] ** 2)) == pytest.approx(0.05, rel=0.25)

@@ -88,7 +88,7 @@ def test_an_inclinometer_fits_to_its_noise_and_helps(tilted, tmp_path):
     files, columns = tilted
     found = calibrate_poses(*files, tmp_path / "out", families=("actuator_compliance",))
     _, study = prepared(*files)
-    state = study.settle(Hypothesis(("actuator_compliance",)))
+    state = study.gauss_newton(Hypothesis(("actuator_compliance",)))
     # 190 readings, three of them spent on the instrument's frame: 5 % is the estimate's own standard deviation
     left = state.linearised.residual[:, 1, 3:5]
     assert np.sqrt(np.nanmean(left**2)) == pytest.approx(NOISE_RAD, rel=0.2)

@@ -75,7 +75,7 @@ def test_deviations_are_integrated_out_as_a_dense_covariance_does_it(two):
     """``Jᵀ (1 + Σ G T Gᵀ)⁻¹ J`` with the dense covariance of all readings, whole and without a region."""
     studies = [prepared(*one)[1] for one in two]
     study = PooledStudy(studies, [0, 1])
-    state, scatter = between(study, study.settle(Hypothesis(SPRINGS)))
+    state, scatter = between(study, study.gauss_newton(Hypothesis(SPRINGS)))
     blocks = state.blocks
     assert isinstance(blocks, ScatteredBlocks)
     assert set(scatter.chance) == set(SPRINGS)
@@ -137,7 +137,7 @@ def test_a_part_has_only_what_changed_as_its_own(tmp_path, change, anew):
     assert not left_out
     assert parts.forward().nuisances == 9 + anew
     # where nothing changed in truth, the parts predict what the whole does, and derivatives agree with differences
-    state, whole = parts.settle(Hypothesis()), study.settle(Hypothesis())
+    state, whole = parts.gauss_newton(Hypothesis()), study.gauss_newton(Hypothesis())
     # further numbers save squared errors, weighed by other weights, and not quite mean distances
     assert state.errors.means[0] <= 1.001 * whole.errors.means[0]
     forward, z = parts.forward(), state.z

@@ -352,16 +352,18 @@ def test_drives_that_are_not_needed_keep_the_models_value(springs, tmp_path):
     q = drawn(8)
     where = files(tmp_path, q, measured(compliant([0.0, 1.2e-8, 1.5e-8, 0.0, 0.0, 0.0]), q))
     _, study = prepared(*where)
-    whole = study.settle(Hypothesis(("actuator_compliance",)))
+    whole = study.gauss_newton(Hypothesis(("actuator_compliance",)))
     kept = with_needed(study, whole).hypothesis.kept
     # of the noise one in some may be taken for a drive that is needed
     assert kept
     assert {name.partition(".")[2] for name in kept} <= {"joint-4", "joint-5", "joint-6"}
-    less = study.settle(Hypothesis(("actuator_compliance",), kept=kept))
+    less = study.gauss_newton(Hypothesis(("actuator_compliance",), kept=kept))
     # no worse by more than the standard error of the paired differences, some half a per cent
     assert less.errors.means[1] < 1.01 * whole.errors.means[1]
     for name in ("joint-2", "joint-3"):
-        without = study.settle(Hypothesis(("actuator_compliance",), kept=(*kept, f"actuator_compliance.{name}")))
+        without = study.gauss_newton(
+            Hypothesis(("actuator_compliance",), kept=(*kept, f"actuator_compliance.{name}"))
+        )
         assert without.errors.means[1] > 1.5 * whole.errors.means[1], name
     found = calibrate_poses(*where, tmp_path / "out", families=("actuator_compliance",))
     reasons = {row.name: row.reason for row in found.not_known}
@@ -428,8 +430,8 @@ def test_every_value_in_a_file_of_a_rigid_sheet_is_one_that_was_judged(own, tmp_
         "frame_error", "joint_offset", "actuator_compliance", "lateral_compliance", "base_compliance", "gravity",
     )  # fmt: skip
     measurement, study = prepared(*where)
-    state = study.settle(Hypothesis(chosen))
-    out = written(measurement, study, study.settle(Hypothesis()), state, estimates(study, state))
+    state = study.gauss_newton(Hypothesis(chosen))
+    out = written(measurement, study, study.gauss_newton(Hypothesis()), state, estimates(study, state))
     # only the frames are fitted by the file: its residuals are those of the fit to the end of its iterations
     assert out.error == pytest.approx(out.state.errors.means[0], rel=2e-3)
     (tmp_path / "file.toml").write_text(out.text)
