@@ -307,8 +307,8 @@ def test_searches_do_not_pile_up_and_the_sliders_are_answered_meanwhile(page, mo
         for _ in range(20):
             client.press("smallest critical force")
         client.set(FORCE, -4)
+        # a client's messages come in order: when this one is answered, all that were sent before it have come
         client.comes_to("uz", deflection(page, load=LESS))
-        client.press("smallest critical force")
         may_end.set()
         client.says("none was found")
     # the one that ran, and the latest of those that were asked for meanwhile
