@@ -58,6 +58,11 @@ MEANING = {
     "installation, which compiles the kernels",
     "curve_later_s": "the same once more",
     "help_s": "processor time of `validate --help`",
+    **{
+        f"explore_{name}_{what}_ms": f"`validate explore {name}`: the answer to another {what}"
+        for name in ("hexapod", "par2", "delta")
+        for what in ("load", "posture", "size")
+    },
 }
 """What each row is, in the table's order. Rows of ``bench.json`` without a requirement may have none."""
 
