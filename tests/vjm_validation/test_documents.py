@@ -14,6 +14,7 @@ import sys
 import types
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import matplotlib as mpl
 import numpy as np
@@ -89,6 +90,8 @@ def name(page: Path) -> str:
 
 def follow(page: Path, todo: list[Step], capfd: pytest.CaptureFixture[str]) -> None:
     printed = ""
+    # a page's programs go on from one another, as a module of its own, for dataclasses look theirs up
+    module = sys.modules["program_of_the_page"] = types.ModuleType("program_of_the_page")
     for step in todo:
         if step.kind == "file":
             Path(step.file).write_text(step.text, encoding="utf-8")
@@ -97,7 +100,7 @@ def follow(page: Path, todo: list[Step], capfd: pytest.CaptureFixture[str]) -> N
             if printed:
                 promised(step.text, printed)
         elif step.kind == "program":
-            program(step.text, capfd)
+            program(step.text, module.__dict__, capfd)
         else:
             words = shlex.split(step.text)[1:]
             if step.placeholder:
@@ -139,7 +142,7 @@ def alike(shown: str, printed: str) -> bool:
     return apart <= max(1.01 * last, LAST_DIGITS * size)
 
 
-def program(text: str, capfd: pytest.CaptureFixture[str]) -> None:
+def program(text: str, names: dict[str, Any], capfd: pytest.CaptureFixture[str]) -> None:
     if "__main__" in text:
         # processes that it spawns import its file
         file = Path("program_of_the_page.py")
@@ -147,11 +150,14 @@ def program(text: str, capfd: pytest.CaptureFixture[str]) -> None:
         done = subprocess.run([sys.executable, str(file)], capture_output=True, text=True, timeout=300, check=False)
         assert done.returncode == 0, done.stderr
         out = done.stdout
+    elif text.startswith(">>>"):
+        session = doctest.DocTestParser().get_doctest(text, names, "session of the page", None, 0)
+        result = doctest.DocTestRunner().run(session, clear_globs=False)
+        names.update(session.globs)
+        out = capfd.readouterr().out
+        assert result.failed == 0, out
     else:
-        # as a module of its own, for dataclasses look theirs up
-        module = types.ModuleType("program_of_the_page")
-        sys.modules[module.__name__] = module
-        exec(compile(text, "program of the page", "exec"), module.__dict__)
+        exec(compile(text, "program of the page", "exec"), names)
         out = capfd.readouterr().out
     said = {float(v) for v in re.findall(r"\d+\.\d+", out)}
     promised = [float(v) for line in re.findall(r"# \[(.*?)\]", text) for v in line.split()]
