@@ -114,9 +114,13 @@ def as_joint_test(test: Measurement | PreparedTest) -> Measurement | None:
     Raises:
         ValueError: the readings cannot be those of that joint, such as in another unit; one line.
     """
-    if isinstance(test, PreparedTest):
-        return _of_deflections(test)
-    return _of_loads(test) if test.loaded and not test.sheet.kind else None
+    match test:
+        case Measurement():
+            return _of_loads(test) if test.loaded and not test.sheet.kind else None
+        case PreparedTest():
+            return _of_deflections(test)
+        case _:
+            assert_never(test)
 
 
 def _of_loads(test: Measurement) -> Measurement | None:
@@ -309,9 +313,15 @@ class DataSet:
     @property
     def kind(self) -> str:
         """``ramps``, ``column``, ``loads``, ``joint``, ``poses``, ``deflections`` or ``frequencies``."""
-        if isinstance(self.test, PreparedTest):
-            return self.test.measurement.kind
-        return FREQUENCIES if isinstance(self.test, FrequencyMeasurement) else kind_of(self.test).name
+        match self.test:
+            case FrequencyMeasurement():
+                return FREQUENCIES
+            case Measurement():
+                return kind_of(self.test).name
+            case PreparedTest():
+                return self.test.measurement.kind
+            case _:
+                assert_never(self.test)
 
     @property
     def sheet(self) -> str:
@@ -341,11 +351,15 @@ class DataSet:
             ImplausibleError: something cannot be meant; one line.
             NoConvergenceError: the model has no equilibrium in a posture.
         """
-        if isinstance(self.test, PreparedTest):
-            return self.test.considered(strict)
-        if isinstance(self.test, FrequencyMeasurement):
-            return frequencies_considered(self.test, strict=strict)
-        return considered(self.test, strict=strict)
+        match self.test:
+            case FrequencyMeasurement():
+                return frequencies_considered(self.test, strict=strict)
+            case Measurement():
+                return considered(self.test, strict=strict)
+            case PreparedTest():
+                return self.test.considered(strict)
+            case _:
+                assert_never(self.test)
 
     def rows(self) -> list[dict[str, Any]]:
         """One row a reading: numbers where a column has numbers alone, None for what was not read."""

@@ -1,4 +1,4 @@
-"""A yardstick that knows what is hidden: the points of every cause that come nearest to it, simulated.
+"""A reference that knows what is hidden: the points of every cause that come nearest to it, simulated.
 
 The curves of `signatures` serve a whole design. They are straight between a few sizes and have usual laws, so that
 they can lie beside what a law of another shape, or a size between, would show. Here each cause that might be one
@@ -134,7 +134,7 @@ class Refit:
 
 
 def sharpened(known: Signatures, target: Array, hidden: Sequence[Hidden]) -> Signatures:
-    """A design's yardstick with a point more for each cause that comes near, and with the hidden ones' own."""
+    """A design's reference with a point more for each cause that comes near, and with the hidden ones' own."""
     added = list[Added]()
     for own in hidden:
         added += _hidden_point(Refit.into(known, own.laws), own)
@@ -143,7 +143,7 @@ def sharpened(known: Signatures, target: Array, hidden: Sequence[Hidden]) -> Sig
 
 
 def sharpened_pairs(known: Signatures, target: Array, pair: Sequence[Hidden]) -> Signatures:
-    """A design's yardstick of pairs that hold one of two hidden causes; single causes are not to be read off it."""
+    """A design's reference of pairs that hold one of two hidden causes; single causes are not to be read off it."""
     added = list[Added]()
     for kept, other in (pair, pair[::-1]):
         own = _hidden_point(Refit.into(known, kept.laws), kept)
@@ -172,7 +172,7 @@ def _nearest(refit: Refit | None, target: Array) -> list[Added]:
 
 
 def _with(known: Signatures, added: Sequence[Added]) -> Signatures:
-    """A yardstick with more points."""
+    """A reference with more points."""
     if not added:
         return known
     seen = known.visibility

@@ -1,4 +1,4 @@
-"""What every cause would do to a design's readings, in units of visibility: the injector's own yardstick.
+"""What every cause would do to a design's readings, in units of visibility: the injector's own reference.
 
 Each family is a curve from the origin in the whitened space of `visibility`, known at a few sizes and straight in
 between; families whose members add up are planes. Distances there are strengths, nuisances included, and need only

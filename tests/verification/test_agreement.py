@@ -29,7 +29,7 @@ def test_springs_and_exact_beams_agree_in_a(paths):
     rows = agreement_rows(paths)
     assert len(rows) == 6
     assert [row for row in rows if not row.passed] == []
-    # an independent prototype found 8849 N
+    # an independent prototype found 8849 N, whose last digit is 1e-4 of it; 16 elements err by 1e-5
     assert paths[Key("A", Direction.COMPRESSION, "exudyn")].critical.force == pytest.approx(8849.1, rel=1e-4)
 
 

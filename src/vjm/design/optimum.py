@@ -12,7 +12,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias, assert_never
 
 import numpy as np
 from scipy.optimize import Bounds, NonlinearConstraint, minimize
@@ -139,12 +139,18 @@ def _by_elements(asked: Question, of: AskedQuantity, number: int, factor: float)
     """
     if asked.end:
         raise ValueError(f"finite elements give the end-effector behind the last part, not end frame '{asked.end}'")
-    if of.quantity is DesignQuantity.FREQUENCY:
-        raise ValueError("finite elements give no frequencies")
-    if of.quantity in UNLOADED:
-        raise ValueError(f"finite elements give no {of.quantity}")
     loads = tuple(replace(load, ramped=True) for load in asked.acting)
-    to = FURTHER * factor if of.quantity is DesignQuantity.CRITICAL else 1.0
+    match of.quantity:
+        case DesignQuantity.DEFLECTION | DesignQuantity.STIFFNESS:
+            to = 1.0
+        case DesignQuantity.CRITICAL:
+            to = FURTHER * factor
+        case DesignQuantity.FREQUENCY:
+            raise ValueError("finite elements give no frequencies")
+        case DesignQuantity.MASS | DesignQuantity.REACH | DesignQuantity.COST:
+            raise ValueError(f"finite elements give no {of.quantity}")
+        case _:
+            assert_never(of.quantity)
     if not loads and asked.gravity is None:
         loads = (NO_LOAD,)
     case = LoadCase(asked.posture, to, LOAD, free=COMPONENTS, loads=loads, gravity=asked.gravity)

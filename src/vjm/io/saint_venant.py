@@ -9,6 +9,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from functools import cached_property, lru_cache
+from typing import assert_never
 
 import numpy as np
 from numpy.polynomial import legendre
@@ -57,10 +58,15 @@ class Quarter:
     def bands(self) -> list[tuple[float, float, float, float]]:
         """Bands from one y to another, filled from one z to another, mm."""
         (yi, yo), (zi, zo) = self.y, self.z
-        if self.empty is Empty.NOTHING:
-            return [(0.0, yo, 0.0, zo)]
-        inner = (zi, zo) if self.empty is Empty.CORE else (0.0, zi)
-        return [(0.0, yi, *inner), (yi, yo, 0.0, zo)]
+        match self.empty:
+            case Empty.NOTHING:
+                return [(0.0, yo, 0.0, zo)]
+            case Empty.CORE:
+                return [(0.0, yi, zi, zo), (yi, yo, 0.0, zo)]
+            case Empty.SIDES:
+                return [(0.0, yi, 0.0, zi), (yi, yo, 0.0, zo)]
+            case _:
+                assert_never(self.empty)
 
     @property
     def sides(self) -> tuple[float, float]:
@@ -256,8 +262,15 @@ class _Mesh:
         self.inner = [0 if solid else int(np.argmin(np.abs(b - edge))) for b, edge in inner]
         self.counts = [len(b) - 1 for b in borders]
         i, j = (grid.ravel() for grid in np.meshgrid(*(np.arange(n) for n in self.counts), indexing="ij"))
-        # of a solid one nothing lies before the inner borders
-        filled = (i >= self.inner[0]) | ((j >= self.inner[1]) != (quarter.empty is Empty.SIDES))
+        match quarter.empty:
+            case Empty.NOTHING:
+                filled = np.ones(len(i), dtype=bool)
+            case Empty.CORE:
+                filled = (i >= self.inner[0]) | (j >= self.inner[1])
+            case Empty.SIDES:
+                filled = (i >= self.inner[0]) | (j < self.inner[1])
+            case _:
+                assert_never(quarter.empty)
         i, j = i[filled], j[filled]
         points, self.weights, self.values, self.slopes = _element()
         self.size = np.diff(borders[0])[i], np.diff(borders[1])[j]
@@ -327,8 +340,15 @@ class _Mesh:
         row, column = self.row[:, :, None], self.column[:, None, :]
         corner = [DEGREE * n for n in self.inner]
         outer = (row == DEGREE * self.counts[0]) | (column == DEGREE * self.counts[1])
-        beside = column >= corner[1] if self.empty is Empty.SIDES else column <= corner[1]
-        inner = ((row == corner[0]) & beside) | ((column == corner[1]) & (row <= corner[0]))
+        match self.empty:
+            case Empty.NOTHING:
+                inner = np.zeros_like(outer)
+            case Empty.CORE:
+                inner = ((row == corner[0]) & (column <= corner[1])) | ((column == corner[1]) & (row <= corner[0]))
+            case Empty.SIDES:
+                inner = ((row == corner[0]) & (column >= corner[1])) | ((column == corner[1]) & (row <= corner[0]))
+            case _:
+                assert_never(self.empty)
         none, nothing = np.zeros_like(outer), np.zeros_like(self.y)
         right = self._nodal(2.0 + nothing, nothing, nothing)
         if self.empty is not Empty.CORE:

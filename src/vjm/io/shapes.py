@@ -7,6 +7,7 @@ along y, so that it bends softly about z, deflecting along y.
 from __future__ import annotations
 
 import math
+from abc import abstractmethod
 from collections.abc import Mapping
 from itertools import pairwise
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Union
@@ -108,9 +109,9 @@ class Shape(Material):
         raise ValueError(f"must be above 0 and at most 1, or '{COMPUTED}', got {given}")
 
     @property
+    @abstractmethod
     def geometry(self) -> saint_venant.Geometry:
         """What follows from its sizes."""
-        raise NotImplementedError
 
     @property
     def sides(self) -> tuple[float, float]:

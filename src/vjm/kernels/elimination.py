@@ -110,12 +110,8 @@ def eliminate(model: MachineArrays, command: Floats, natural: Floats, x: Floats,
     rotary, factor, coordinate, source = model.rotary, model.factor, model.coordinate, model.source
     unit_joint, unit_row, unit_above = model.unit_joint, model.unit_row, model.unit_above
     unit_subtree = model.unit_subtree
-    unit_block, unit_column, subtree_width, first = (
-        model.unit_block,
-        model.unit_column,
-        model.subtree_width,
-        model.first,
-    )
+    unit_block, unit_column = model.unit_block, model.unit_column
+    subtree_width, first = model.subtree_width, model.first
     border, source_first, local, kind = model.border, model.source_first, model.local, model.kind
     K, grows, unit, beams = model.K, model.grows, model.unit, model.beam
     subtree_column, column_of, wide, unit_width = model.subtree_column, work.column_of, work.wide, work.unit_width
@@ -366,12 +362,8 @@ def load(model: MachineArrays, forces: Floats, gap: Floats, work: Work) -> None:
     L, D, order, size, border, first = work.L, work.D, work.order, model.size, model.border, model.first
     unit_row, unit_above, unit_subtree = model.unit_row, model.unit_above, model.unit_subtree
     unit_column = model.unit_column
-    unit_width, column_of, row_column, unit_block = (
-        work.unit_width,
-        work.column_of,
-        work.row_column,
-        model.unit_block,
-    )
+    unit_width, column_of, row_column = work.unit_width, work.column_of, work.row_column
+    unit_block = model.unit_block
     right[:] = 0.0
     passed[:, :] = 0.0
     for i in range(len(gap)):
@@ -415,12 +407,8 @@ def move(model: MachineArrays, own_side: bool, work: Work) -> None:
     L, D, order, b, first = work.L, work.D, work.order, work.b, model.first
     unit_row, unit_above, unit_subtree = model.unit_row, model.unit_above, model.unit_subtree
     unit_column = model.unit_column
-    unit_width, column_of, row_column, unit_block = (
-        work.unit_width,
-        work.column_of,
-        work.row_column,
-        model.unit_block,
-    )
+    unit_width, column_of, row_column = work.unit_width, work.column_of, work.row_column
+    unit_block = model.unit_block
     coordinate, unit_joint = model.coordinate, model.unit_joint
     last = len(turn) - 1
     turn[last, 0] = turn[last, 1] = turn[last, 2] = 0.0

@@ -71,7 +71,7 @@ class Solid:
     """Von Mises stress of a part from its drawing.
 
     Attributes:
-        points: points ``(k, 3)``, own axes, mm from the root.
+        points: ``(k, 3)``, own axes, mm from the root.
         forms: ``(k, 6, 6)`` of them, see `vjm.io.schema.DrawnTable.stress_forms`.
         limit: yield stress, MPa.
     """
