@@ -28,7 +28,7 @@ ifndef INSTALLED
 .NOTPARALLEL:
 endif
 .DELETE_ON_ERROR:
-.PHONY: help validate report docs test test-all bench bench-table blind fresh fuzz lint kernels ready checked schemas lock clean
+.PHONY: help validate report docs test test-all bench bench-table fresh fuzz lint kernels ready checked schemas lock clean
 
 help:
 	@echo 'make validate   every comparison (validate all $$ARGS); says where the report is'
@@ -38,8 +38,7 @@ help:
 	@echo 'make test-all   ruff, mypy and all tests'
 	@echo 'make bench      the benchmarks; writes bench.json'
 	@echo 'make bench-table  the table in docs/how-well-it-works.md from bench.json'
-	@echo 'make fresh      diagnoses fresh sets of several generators, scores probabilities ($$ARGS="--seed SEED")'
-	@echo 'make blind      hides causes in made-up readings and scores their diagnoses ($$ARGS; --sample is quick)'
+	@echo 'make fresh      hides causes in made-up readings, scores their diagnoses ($$ARGS="--seed SEED")'
 	@echo 'make fuzz       mutated files for every loader ($$SECONDS; an hour, from $$SEED)'
 	@echo 'make lint       ruff and mypy only'
 	@echo 'make schemas    the JSON schemas in docs/schemas anew'
@@ -76,11 +75,7 @@ bench: $(VENV)/.test ready
 bench-table: ready
 	PYTHONPATH=tests $(BIN)/python tests/benchmarks/bench_table.py
 
-# An interrupted campaign goes on where it was.
-blind: ready
-	PYTHONPATH=tests $(BIN)/python -m hidden_effects --renew docs/how-well-it-works.md $(ARGS)
-
-# Fresh sets of several generators; ARGS="--seed SEED" with a seed that was never used before.
+# Sets of several generators; ARGS="--seed SEED" with a seed that was never used before. Interrupted, it goes on.
 fresh: ready
 	PYTHONPATH=tests $(BIN)/python -m hidden_effects.fresh --renew docs/how-well-it-works.md $(ARGS)
 

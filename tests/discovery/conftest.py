@@ -65,7 +65,7 @@ def hider(known: Signatures, folder: Path) -> Hide:
 
     def hide(number: int, group: Group, *causes: str, strength: float = 20.0) -> tuple[dict, dict]:
         place = folder / f"{number}"
-        plan = Plan(number, group, known.visibility.design.seed, causes, (strength,) * len(causes), False)
+        plan = Plan(number, group, known.visibility.design.seed, causes, (strength,) * len(causes))
         truth = make(plan, OneDesign(known), place)
         for name in ("truth.json", "still.csv"):
             # out of the diagnosis's sight

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 import pytest
-from hidden_effects.finder import diagnosed, understands
+from hidden_effects.finder import diagnosed
 from hidden_effects.plan import Group
 
 
@@ -23,7 +23,6 @@ def verdict(folder: Path, out: Path, *options: str) -> dict:
 def test_a_deleted_cause_is_unknown_or_one_of_its_class(friction, tmp_path):
     truth, folder = friction
     assert truth["apart"] > 8.0
-    assert understands("--without")
     found = verdict(folder, tmp_path, "--without", "joint_friction")
     may = {tuple(causes) for causes in truth["admitted"]} - {("joint_friction",)}
     said = [tuple(candidate["causes"]) for candidate in found["candidates"]]

@@ -44,11 +44,6 @@ class Visibility:
         """The largest force as drawn, N."""
         return float(np.abs(self.nominal.forces[:, 0]).max())
 
-    @property
-    def noises(self) -> Array:
-        """Standard deviation of every reading's noise ``(n c,)``."""
-        return np.tile([self.design.instruments[name].noise for name in self.design.channels], len(self.nominal.ux))
-
     def flat(self, change: RigResponse) -> Array:
         """A change of the readings as one of the forces alone ``(n c,)``."""
         result: Array = (change.forces - self.stiffness * change.ux[:, None]).ravel()

@@ -139,13 +139,3 @@ def _patience() -> Iterator[None]:
     finally:
         signal.setitimer(signal.ITIMER_PROF, 0.0)
         signal.signal(signal.SIGPROF, before)
-
-
-def understands(option: str) -> bool:
-    """Whether the command knows an option."""
-    said = io.StringIO()
-    from vjm_validation.cli.main import run
-
-    with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
-        run(["diagnose", "--help"])
-    return option in said.getvalue()

@@ -1,8 +1,9 @@
-"""``python -m hidden_effects.fresh``: fresh sets of four generators, diagnosed, and scored by their probabilities.
+"""``python -m hidden_effects.fresh``: sets with hidden causes, diagnosed, and scored by their probabilities.
 
-The generators are by four hands: this package's injector, `hidden_effects.poses`, and two by other authors that lie
-beside the project on some machines. Where one is not there its sets are left out, and the document says so. What is
-finished is kept in the folder, so that a run that was cut off goes on.
+Four generators are of this package: ramps, `poses`, `poses.deflections` and `joints`. Two are by other authors and
+lie beside the project on some machines; a folder of ready sets with their ``truth.json`` may stand for a generator.
+Where one is not there its sets are left out, and the document says so. What is finished is kept in the folder, so
+that a run that was cut off goes on.
 """
 
 import json
@@ -20,21 +21,25 @@ from helpers.marked_text import renewed
 
 from hidden_effects.finder import POSES, RAMPS, diagnosed, identity
 from hidden_effects.generate import UnreachableError, make
+from hidden_effects.joints.injector import drawn, strengths
+from hidden_effects.joints.injector import write as write_joint
 from hidden_effects.machine import NoTruthError
-from hidden_effects.outcome import Outcome, Truth, found_of, of_given, of_own, of_poses
+from hidden_effects.outcome import Outcome, Truth, found_of, of_deflections, of_given, of_joint, of_own, of_poses
 from hidden_effects.outcome_score import figures, markdown
-from hidden_effects.plan import COUNTS, Group, Plan, plans
+from hidden_effects.plan import COUNTS, Plan, plans
+from hidden_effects.poses import deflections
 from hidden_effects.poses.plan import Planned
 from hidden_effects.poses.plan import plans as pose_plans
 from hidden_effects.poses.plan import write as write_poses
 from hidden_effects.running import finish
 from hidden_effects.store import Store
-from hidden_effects.third_party_sets import DATA, SHEET, TRUTH
 from vjm.io.files import check_writable, write_whole
 from vjm_output import terminal
 
 BESIDE = Path(__file__).parents[3] / "shared"
 OTHERS = (BESIDE / "blind_generator", BESIDE / "blind_generator2")
+TRUTH, DATA, SHEET = "truth.json", "DATA.csv", "SHEET.toml"
+"""Of a folder by other authors: what all sets hide, and the files of each."""
 STRENGTHS = (8.0, 16.0, 32.0)
 """Of single causes: those that the aims are about."""
 SETS_OF_A_DESIGN = 6
@@ -43,7 +48,7 @@ BEGIN, END = "<!-- fresh: begin -->", "<!-- fresh: end -->"
 """Between these the tables of a page stand."""
 OK, BAD_INPUT, INTERRUPTED = 0, 2, 130
 
-app = App(name="fresh", help="Draw fresh sets of four generators, have them diagnosed, score the probabilities.")
+app = App(name="fresh", help="Draw sets with hidden causes, have them diagnosed, score the probabilities.")
 
 
 @dataclass(frozen=True)
@@ -58,13 +63,9 @@ class Set:
 
 
 def own_sets(count: int, seed: int, folder: Path) -> list[Set]:
-    """Sets of this package's injector; those that cannot be made are left out.
-
-    None has a cause that the diagnosis is not told of: that is the campaign's question.
-    """
-    share = count / sum(number for group, number in COUNTS.items() if group is not Group.OMITTED)
+    """Sets of this package's injector of ramps; those that cannot be made are left out."""
     designs = max(1, round(count / SETS_OF_A_DESIGN))
-    todo = [p for p in plans(share, seed, designs, STRENGTHS) if p.group is not Group.OMITTED][:count]
+    todo = plans(count / sum(COUNTS.values()), seed, designs, STRENGTHS)[:count]
     store = Store(folder / "designs", designs)
     made = [(plan, _made(plan, store, folder / plan.name)) for plan in todo]
     return [
@@ -87,10 +88,11 @@ def _made(plan: Plan, store: Store, place: Path) -> dict[str, Any]:
 
 
 def others_sets(count: int, seed: int, folder: Path, generator: Path) -> list[Set]:
-    """Sets of a generator beside the project; none where it is not there."""
-    if not (generator / "make.py").is_file():
+    """Sets of a generator beside the project, or those of a folder that are ready; none where it is not there."""
+    ready = (generator / TRUTH).is_file()
+    if not ready and not (generator / "make.py").is_file():
         return []
-    if not (folder / TRUTH).is_file():
+    if not ready and not (folder / TRUTH).is_file():
         # it keeps its compiled kernels beside itself
         own = folder.with_name(f"{folder.name}-generator")
         shutil.copytree(generator, own, dirs_exist_ok=True)
@@ -100,16 +102,14 @@ def others_sets(count: int, seed: int, folder: Path, generator: Path) -> list[Se
         )
         if made.returncode:
             raise ValueError(f"{generator / 'make.py'}: {' '.join(made.stderr.split())[-200:]}")
-    truths = json.loads((folder / TRUTH).read_text(encoding="utf-8"))["sets"]
+    sets = generator if ready else folder
+    truths = json.loads((sets / TRUTH).read_text(encoding="utf-8"))["sets"]
     return [
         Set(
-            folder / name / DATA,
-            folder / name / SHEET,
-            folder / name / "found",
-            of_given(generator.name, name, truth),
+            sets / name / DATA, sets / name / SHEET, folder / name / "found", of_given(generator.name, name, truth)
         )
         for name, truth in truths.items()
-    ]
+    ]  # fmt: skip
 
 
 def poses_sets(count: int, seed: int, folder: Path) -> list[Set]:
@@ -126,6 +126,39 @@ def _pose_set(plan: Planned, place: Path) -> Set:
     if not data.is_file():
         write_poses(plan, place)
     return Set(data, sheet, place / "found", of_poses(plan.number, plan.group, plan.causes), POSES)
+
+
+def joint_sets(count: int, seed: int, folder: Path) -> list[Set]:
+    """Tests of one joint."""
+    return [joint_set(1000 * seed + k, folder / f"{k:04d}") for k in range(count)]
+
+
+def joint_set(seed: int, place: Path) -> Set:
+    """A test of one joint of a seed."""
+    place.mkdir(parents=True, exist_ok=True)
+    joint = drawn(seed)
+    return Set(
+        *write_joint(place, joint, seed),
+        place / "found",
+        of_joint(seed, joint.causes, strengths(joint), joint.truth()),
+    )
+
+
+def deflection_sets(count: int, seed: int, folder: Path) -> list[Set]:
+    """Tests of deflections."""
+    sets = []
+    for number in range(1000 * seed, 1000 * seed + count):
+        place = folder / f"{number:06d}"
+        kind, files = deflections.write(number, place)
+        truth = of_deflections(number, frozenset(deflections.HIDDEN[kind]))
+        sets.append(Set(*files, place / "found", truth, POSES))
+    return sets
+
+
+def outcome_of(one: Set) -> Outcome:
+    """A set's diagnosis; one that is there is read."""
+    one.out.mkdir(parents=True, exist_ok=True)
+    return Outcome(one.truth, found_of(diagnosed(one.data, one.sheet, one.out, entry=one.entry)))
 
 
 def in_turn(*sets: list[Set]) -> Iterator[Set]:
@@ -177,7 +210,9 @@ def fresh(
     poses_seed: Annotated[int | None, Parameter(help="Seed of the tests of poses; else the same.")] = None,
     others_seed: Annotated[int | None, Parameter(help="Seed of those generators; else the same.")] = None,
     minutes: Annotated[float, Parameter(help="Of a processor, after which no other set is begun.")] = 25.0,
-    generators: Annotated[tuple[Path, ...], Parameter(help="Folders of the generators by other authors.")] = OTHERS,
+    generators: Annotated[
+        tuple[Path, ...], Parameter(help="Folders of generators by other authors, or of ready sets.")
+    ] = OTHERS,
     only_make: Annotated[bool, Parameter(negative="", help="Make the sets and diagnose none.")] = False,
     renew: Annotated[tuple[Path, ...], Parameter(help="Pages whose tables are renewed.")] = (),
 ) -> int:
@@ -188,7 +223,9 @@ def fresh(
     others_count, others_from = sets if others is None else others, seed if others_seed is None else others_seed
     of = {
         "poses": poses_sets(sets, seed if poses_seed is None else poses_seed, out / "poses"),
-        "hidden_effects": own_sets(sets, seed, out / "hidden_effects"),
+        "deflections": deflection_sets(sets, seed, out / "deflections"),
+        "joints": joint_sets(sets, seed, out / "joints"),
+        "ramps": own_sets(sets, seed, out / "ramps"),
     } | {one.name: others_sets(others_count, others_from, out / one.name, one) for one in generators}
     if only_make:
         return OK
@@ -198,10 +235,8 @@ def fresh(
     for one in in_turn(*of.values()):
         if spent > 60.0 * minutes:
             break
-        one.out.mkdir(parents=True, exist_ok=True)
-        found = found_of(diagnosed(one.data, one.sheet, one.out, entry=one.entry))
-        spent += found.seconds
-        outcomes.append(Outcome(one.truth, found))
+        outcomes.append(outcome_of(one))
+        spent += outcomes[-1].found.seconds
     made = {name: len(own) for name, own in of.items()}
     result = document(outcomes, seed, made, left_out)
     write_whole(out / "fresh.json", json.dumps(result, indent=1))

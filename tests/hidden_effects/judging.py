@@ -10,9 +10,9 @@ RATIOS = ("factor", "ratio", "stiffness_ratio")
 def admitted(truth: dict[str, Any]) -> set[frozenset[str]]:
     """Sets of causes that a verdict may name: the hidden one, and what is one class with it.
 
-    A cause that the finder was not told of, or that no catalogue has, is none of them.
+    A cause that no catalogue has is none of them.
     """
-    unknown = set(truth["causes"]) if truth["group"] == "outside" else set(truth.get("omitted", []))
+    unknown = set(truth["causes"]) if truth["group"] == "outside" else set()
     own = {frozenset(causes) for causes in truth["admitted"]}
     own |= {frozenset(truth["causes"])} if truth["causes"] else set()
     return {causes for causes in own if not causes & unknown}
@@ -31,7 +31,7 @@ def right(truth: dict[str, Any], found: dict[str, Any]) -> bool:
     if not truth["causes"]:
         return bool(verdict == "none")
     may = admitted(truth)
-    if truth["group"] in ("outside", "omitted"):
+    if truth["group"] == "outside":
         if verdict == "unknown":
             return True
         return bool(candidates) and all(causes in may for causes in candidates)
@@ -41,18 +41,20 @@ def right(truth: dict[str, Any], found: dict[str, Any]) -> bool:
     return bool(verdict == "class") and hidden in candidates and all(causes in may for causes in candidates)
 
 
+def rival_right(truth: dict[str, Any]) -> bool:
+    """Whether the likelihood ratio is right: by the hidden cause, or by a class of it and what is alike."""
+    said = truth["likelihood_ratio"]
+    if not said["causes"]:
+        return False
+    hidden, alike = truth["causes"], [frozenset([c]) for c in said.get("alike", said["causes"])]
+    if said["causes"] == hidden and len(alike) <= 1:
+        return True
+    return frozenset(hidden) in alike and all(c in admitted(truth) for c in alike)
+
+
 def candidate_sets(found: dict[str, Any]) -> list[frozenset[str]]:
     """The sets of causes that remain possible, each once: candidates may differ in the part alone."""
     return list(dict.fromkeys(frozenset(candidate["causes"]) for candidate in found.get("candidates", [])))
-
-
-def column(found: dict[str, Any]) -> str:
-    """Where a verdict stands in the confusion matrix: the one cause that it names, or what else it says."""
-    if "error" in found:
-        return "failed"
-    if found["verdict"] != "named":
-        return str(found["verdict"])
-    return str(found["causes"][0]) if len(found["causes"]) == 1 else "several"
 
 
 def parameter(found: dict[str, Any], causes: list[str], key: str) -> dict[str, Any] | None:

@@ -1,10 +1,11 @@
 """What was hidden in a set and what was found in it, in one form for all generators of sets."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 from hidden_effects.judging import admitted, candidate_sets
+from hidden_effects.plan import STRONG
 
 STANDS_FOR = {"joint_offset": "frame_error"}
 """Causes of tests of poses that count as another one: errors of frames have offsets among them."""
@@ -21,6 +22,7 @@ class Truth:
         causes: that act, of the catalogue.
         strength: of the weakest; None where the generator has none.
         alike: sets of causes that a set with a cause outside the catalogue may be told as.
+        also: causes by which what is hidden may be told, and which are not wrong.
         parameters: true values by the key of `docs/measured-data.md`, of those that the generator has.
     """
 
@@ -30,7 +32,13 @@ class Truth:
     causes: frozenset[str]
     strength: float | None = None
     alike: frozenset[frozenset[str]] = frozenset()
+    also: frozenset[str] = frozenset()
     parameters: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def may(self) -> frozenset[str]:
+        """Causes that are not wrong."""
+        return self.causes | self.also
 
 
 @dataclass(frozen=True)
@@ -114,7 +122,7 @@ def of_own(truth: dict[str, Any]) -> Truth:
     hidden = truth["hidden"]
     outside = truth["group"] == "outside"
     return Truth(
-        generator="hidden_effects",
+        generator="ramps",
         name=str(truth["set"]),
         group=truth["group"],
         causes=frozenset() if outside else frozenset(truth["causes"]),
@@ -155,6 +163,31 @@ def of_poses(number: int, group: str, causes: tuple[str, ...]) -> Truth:
     # a belt that slips leaves another zero behind, and the series is cut there
     alike = frozenset({frozenset({"joint zero"})} if causes == ("slip",) else ())
     return Truth("poses", str(number), kind, frozenset() if outside else frozenset(causes), alike=alike)
+
+
+def of_deflections(number: int, causes: frozenset[str]) -> Truth:
+    """Of a test of deflections; none of its causes is weak."""
+    return Truth("deflections", str(number), "pair" if len(causes) > 1 else "single", causes)
+
+
+SPRINGS = frozenset({"actuator_compliance", "actuator_hardening", "actuator_three_slopes"})
+"""Laws of one spring."""
+
+
+def of_joint(
+    seed: int, causes: Sequence[str], strengths: Mapping[str, float], parameters: Mapping[str, float]
+) -> Truth:
+    """Of a test of one joint. A spring whose bend hardly shows may be told as one of another law."""
+    weak = {cause for cause in SPRINGS & set(causes) if strengths[cause] < STRONG}
+    return Truth(
+        generator="joints",
+        name=str(seed),
+        group=("quiet", "single", "pair")[len(causes)],
+        causes=frozenset(causes),
+        strength=min(strengths.values(), default=None),
+        also=SPRINGS if weak else frozenset(),
+        parameters=parameters,
+    )
 
 
 def _given_parameters(truth: Mapping[str, Any]) -> dict[str, float]:

@@ -25,7 +25,7 @@ def figures(outcomes: Sequence[Outcome]) -> dict[str, Any]:
     single = of_group(outcomes, "single", strong=True)
     known = [o for o in outcomes if o.truth.group != "outside"]
     beside = [len(wrongly_said(o.truth, o.found)) for o in known]
-    sure = [(cause in o.found.main, cause in o.truth.causes) for o in known for cause in sorted(o.found.acts)]
+    sure = [(cause in o.found.main, cause in o.truth.may) for o in known for cause in sorted(o.found.acts)]
     inside = [flag for o in outcomes for flag in covered(o.truth, o.found)]
     seconds = np.array([o.found.seconds for o in outcomes])
     return {
@@ -82,8 +82,8 @@ def _matched(causes: Sequence[str], groups: Sequence[frozenset[str]]) -> bool:
 
 def wrongly_said(truth: Truth, found: Found) -> list[str]:
     """Causes said to act that do not, and groups of which none does."""
-    groups = [" or ".join(sorted(group)) for group in found.groups if not group & truth.causes]
-    return [*sorted(found.acts - truth.causes), *groups]
+    groups = [" or ".join(sorted(group)) for group in found.groups if not group & truth.may]
+    return [*sorted(found.acts - truth.may), *groups]
 
 
 def outside_right(outcome: Outcome) -> bool:
@@ -98,7 +98,7 @@ def outside_right(outcome: Outcome) -> bool:
 
 def chances(outcomes: Iterable[Outcome]) -> list[tuple[float, bool]]:
     """Of every cause that a diagnosis lists, the probability and whether the cause acts."""
-    return [(p, cause in o.truth.causes) for o in outcomes for cause, p in o.found.probability.items()]
+    return [(p, cause in o.truth.may) for o in outcomes for cause, p in o.found.probability.items()]
 
 
 def count(events: int, sets: int) -> dict[str, Any]:

@@ -44,8 +44,6 @@ class Group(StrEnum):
     """Two."""
     OUTSIDE = "outside"
     """One that no catalogue has."""
-    OMITTED = "omitted"
-    """One that the finder is not told of."""
     INSEPARABLE = "inseparable"
     """One that the design cannot tell from another one."""
 
@@ -60,7 +58,6 @@ class Plan:
         design: seed of its design.
         causes: to be hidden, by name; of a cause outside the catalogue its number in turn.
         strengths: wanted of each.
-        held_out: whether it belongs to the half that is reported, not developed on.
         designs: among which the campaign's sets are spread.
     """
 
@@ -69,7 +66,6 @@ class Plan:
     design: int
     causes: tuple[str, ...]
     strengths: tuple[float, ...]
-    held_out: bool
     designs: int = DESIGNS
 
     @property
@@ -78,7 +74,7 @@ class Plan:
         return f"{self.number:05d}"
 
 
-COUNTS = {Group.QUIET: 400, Group.SINGLE: 400, Group.PAIR: 100, Group.OUTSIDE: 160, Group.OMITTED: 40,
+COUNTS = {Group.QUIET: 400, Group.SINGLE: 400, Group.PAIR: 100, Group.OUTSIDE: 160,
           Group.INSEPARABLE: 50}  # fmt: skip
 """Of a whole campaign."""
 
@@ -102,19 +98,16 @@ def plans(
                 wanted.append((group, _pair(rng, k), tuple(float(rng.choice([8.0, 16.0])) for _ in range(2))))
             elif group is Group.OUTSIDE:
                 wanted.append((group, (str(k),), (float(rng.choice([16.0, 32.0, 64.0])),)))
-            elif group is Group.OMITTED:
-                wanted.append((group, (cause,), (float(rng.choice([8.0, 16.0])),)))
             else:
                 wanted.append((group, (str(rng.choice(CONFUSABLE)),), (float(rng.choice([8.0, 16.0])),)))
     order = rng.permutation(len(wanted))
-    result, seen = [], dict.fromkeys(Group, 0)
+    result = []
     for number, k in enumerate(order, start=1):
         group, causes, wished = wanted[k]
-        seen[group] += 1
         design = int(rng.integers(designs)) + 1000 * seed
         # a sample in a whole campaign's folder has sets of its own
         first = 100_000 * seed + (50_000 if share < 1.0 else 0)
-        result.append(Plan(first + number, group, design, causes, wished, seen[group] % 2 == 0, designs))
+        result.append(Plan(first + number, group, design, causes, wished, designs))
     return result
 
 

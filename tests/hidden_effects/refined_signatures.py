@@ -177,13 +177,12 @@ def _with(known: Signatures, added: Sequence[Added]) -> Signatures:
         return known
     seen = known.visibility
     white = np.array([*known.nodes, *(point.whitened for _, _, point in added)])
-    raw = np.array([*known.raw, *(point.flat / seen.noises for _, _, point in added)])
     first = len(known.nodes)
     # a plane is straight: what it seems to reach, the refit has shown to be there or not
     bent = {cause for cause, _, _ in added}
     kept = [curve for curve in known.curves if not (curve.spans and curve.cause in bent)]
     curves = [Curve(cause, label, (first + k,), (1.0,), False, False) for k, (cause, label, _) in enumerate(added)]
-    return Signatures(seen, (*kept, *curves), white, white @ white.T, raw)
+    return Signatures(seen, (*kept, *curves), white, white @ white.T)
 
 
 def _same_place(family: Family, label: str) -> bool:

@@ -80,14 +80,12 @@ class Signatures:
         curves: the families.
         nodes: their points ``(m, n c)``, whitened.
         gram: scalar products ``(m, m)``.
-        raw: the nodes as plain changes of the forces ``(m, n c)``, over each reading's noise.
     """
 
     visibility: Visibility
     curves: tuple[Curve, ...]
     nodes: Array
     gram: Array
-    raw: Array
 
     @property
     def causes(self) -> tuple[str, ...]:
@@ -220,10 +218,8 @@ def signatures(design: Design) -> Signatures:
     if design.link_segments == 1:
         nodes.append(seen.flat(base.less(seen.nominal)))
         curves.append(Curve("link_lumping", "", (len(nodes) - 1,), (1.0,), False, False))
-    raw = np.array(nodes)
     white = np.array([seen.whitened_flat(point) for point in nodes])
-    spread = seen.noises
-    return Signatures(seen, tuple(curves), white, white @ white.T, raw / spread)
+    return Signatures(seen, tuple(curves), white, white @ white.T)
 
 
 def change_of(seen: Visibility, rig: Rig, base: RigResponse, put: Put, size: float) -> Array:

@@ -1,19 +1,11 @@
 """Made-up tests of deflections: two arms at rest where their energy is smallest, with and without a force.
 
-    python -m hidden_effects.poses.deflections [--sets 30] [--first 0]
-
-hides springs in them, has them diagnosed and says which verdicts name the very families. Nothing of the finder's
-kinematics, statics or families is used to make the readings.
+Nothing of the finder's kinematics, statics or families is used to make the readings.
 """
 
-import argparse
-import sys
-import tempfile
-from collections import Counter
 from pathlib import Path
 
 import numpy as np
-from helpers.from_files import diagnose_poses
 
 from hidden_effects.poses.injector import Array, Hidden, Push, rest
 from hidden_effects.poses.robots import SEVEN, UR10, Robot, document
@@ -94,27 +86,3 @@ def write(number: int, folder: Path) -> tuple[str, tuple[Path, Path]]:
     d = d + rng.normal(0.0, 1.0, d.shape) * sigma
     sheet = sheet_text(tracker=f"noise_mm_per_N = {NOISE_BY_LOAD}")
     return kind, files(folder, columns_of(q, force, d), sheet, robot)
-
-
-def main() -> None:
-    """Diagnose the sets and print a line each, then the table."""
-    parser = argparse.ArgumentParser(description="Hide springs in tests of deflections, and look for them.")
-    parser.add_argument("--sets", type=int, default=30)
-    parser.add_argument("--first", type=int, default=0)
-    asked = parser.parse_args()
-    right, made = Counter[str](), Counter[str]()
-    for number in range(asked.first, asked.first + asked.sets):
-        with tempfile.TemporaryDirectory() as name:
-            kind, pair = write(number, Path(name))
-            found = diagnose_poses(*pair, Path(name) / "out")
-        sets = [found.causes, *found.alternatives]
-        good = found.verdict in ("named", "class") and HIDDEN[kind] in [set(one) for one in sets]
-        made[kind] += 1
-        right[kind] += good
-        sys.stdout.write(f"{number} {kind}: {found.verdict} {found.causes}{'' if good else ' wrong'}\n")
-    for kind, count in made.items():
-        sys.stdout.write(f"{kind}: {right[kind]} of {count}\n")
-
-
-if __name__ == "__main__":
-    main()

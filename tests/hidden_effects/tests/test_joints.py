@@ -3,8 +3,10 @@
 import numpy as np
 import pytest
 from helpers.from_files import CALIBRATED, calibrate
-from hidden_effects.joints.__main__ import STRONG, judged
+from hidden_effects.fresh import joint_set, outcome_of
 from hidden_effects.joints.injector import HiddenJoint, drawn, write
+from hidden_effects.outcome_score import wrongly_said
+from hidden_effects.plan import STRONG
 
 import vjm
 
@@ -13,10 +15,11 @@ import vjm
 @pytest.mark.parametrize("seed", [9, 14, 6, 1, 7, 8, 10, 11])
 def test_what_was_hidden_is_found(tmp_path, seed):
     """None, stiffness, hardening, three slopes (of which one kink is reached or both), friction."""
-    found = judged(seed, tmp_path)
-    assert all(strength > STRONG for strength in found["strengths"].values())
-    assert found["right"]
-    assert found["false"] == []
+    outcome = outcome_of(joint_set(seed, tmp_path))
+    truth, found = outcome.truth, outcome.found
+    assert truth.strength is None or truth.strength > STRONG
+    assert truth.causes in found.named if truth.causes else found.verdict == "none"
+    assert wrongly_said(truth, found) == []
 
 
 def test_the_injectors_spring_bears_its_load():

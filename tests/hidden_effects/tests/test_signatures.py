@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from hidden_effects import refined_signatures as sharpening
-from hidden_effects.baselines import FAMILYWISE, threshold, verdicts
+from hidden_effects.baselines import FAMILYWISE, likelihood_ratio, threshold
 from hidden_effects.causes import Hidden, Laws, catalogue
 from hidden_effects.detectability import visibility
 from hidden_effects.plan import CAUSES
@@ -118,9 +118,9 @@ def test_the_likelihood_ratio_holds_its_rate_and_finds_what_is_strong(known):
     design = known.visibility.design
     (family,) = [f for f in catalogue(design, 4000.0) if f.name == "joint_friction"]
     there = family.members[0](as_drawn(design), 1500.0).response(design)
-    assert verdicts(known, there, there, threshold(known))["likelihood_ratio"]["causes"] == ["joint_friction"]
+    assert likelihood_ratio(known, there, threshold(known))["causes"] == ["joint_friction"]
     still = known.visibility.nominal
-    assert verdicts(known, still, still, threshold(known))["likelihood_ratio"]["causes"] == []
+    assert likelihood_ratio(known, still, threshold(known))["causes"] == []
 
 
 def test_a_rest_longer_than_the_creep_shows_it(design):
@@ -240,7 +240,6 @@ def test_what_a_lumped_link_does_not_have_keeps_its_coarse_curves(design):
     }
     assert "link_compliance" in new
     assert not new & {"actuator_backlash", "link_bow", "base_compliance", "gravity"}
-    assert np.abs(sharp.raw).max(axis=1).min() > 0.0
 
 
 def test_where_none_of_a_cause_is_nearest_it_has_no_direction(known, monkeypatch):

@@ -256,8 +256,6 @@ def wrong_in_the_paper(run: Run) -> tuple[str, ...]:
 
 METRICS = ("K0", "K1", "critical", "F_cr", "d_cr", "K2", "F_end", "d_end", "K3")
 """Columns of the tables of ``summary.json``'s ``chain``."""
-CAMPAIGN = pathlib.PurePosixPath("../blind/blind.html")
-"""Page of a blind campaign (docs/hidden-effects.md), where one was made beside the report."""
 
 
 @dataclass(frozen=True)
@@ -368,7 +366,6 @@ def write_report(run: Run, out: pathlib.Path) -> pathlib.Path:
         own=own,
         own_tables=discovery_tables(run.discovery.rows) if run.discovery is not None else (),
         own_page=run.discovery.page if run.discovery is not None else "",
-        blind_page=CAMPAIGN.as_posix() if (out / CAMPAIGN).is_file() else "",
         table2=table2,
         sections=sections,
         metrics=METRICS,
