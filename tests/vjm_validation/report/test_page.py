@@ -44,15 +44,6 @@ def text(folder):
     return (folder / "index.html").read_text()
 
 
-def test_a_campaign_beside_the_report_is_linked(computed, bare, tmp_path):
-    assert "blind.html" not in write_report(computed, tmp_path / "run").read_text()
-    (tmp_path / "blind").mkdir()
-    (tmp_path / "blind" / "blind.html").write_text("a campaign")
-    (link,) = [a for a in Elements(write_report(computed, tmp_path / "run").read_text()).all("a")
-               if a.get("href", "").endswith("blind.html")]  # fmt: skip
-    assert (tmp_path / "run" / link["href"]).read_text() == "a campaign"
-
-
 @pytest.mark.slow
 def test_no_external_reference(text):
     elements = Elements(text)
