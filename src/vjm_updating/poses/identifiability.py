@@ -211,6 +211,18 @@ def whole_range(study: Study) -> list[tuple[float, float]]:
     return ranges
 
 
+def missed2(state: FittedState) -> float:
+    """Mean square of what a fit misses where regions were held out, mm²; infinite where nothing was."""
+    seen = np.isfinite(state.errors.region)
+    return float(np.average(state.errors.region[seen] ** 2, weights=state.weight[seen])) if seen.any() else np.inf
+
+
+def lack_of(study: Study, state: FittedState) -> float:
+    """What the model lacks, mm: what regions that were held out missed beyond the noise; 0 where nothing was."""
+    missed, noise = missed2(state), 3.0 * float(np.nanmedian(study.data.sigma**2))
+    return float(np.sqrt(max(missed - noise, 0.0))) if missed < np.inf else 0.0
+
+
 def supported(study: Study, state: FittedState, model: float) -> tuple[FittedState, RangeSupport | None]:
     """The fit with the prior over the joints' whole range, and what it says there.
 
@@ -241,7 +253,7 @@ def supported(study: Study, state: FittedState, model: float) -> tuple[FittedSta
     nearer = np.abs(after) < np.abs(after - before)
     place = unloaded_frames(study.machine.tree, study.machine.rows(drawn.q))[1][:, 0]
     asked, changed = (float(np.sqrt(z @ W @ z)) for z in (before, after))
-    error = _errors(fit, J)
+    error = np.hypot(_errors(fit, J), lack_of(study, fit))
     row = RangeRow(
         model_mm=model, asked_mm=asked, changed_mm=changed, error_mm=float(np.sqrt(np.mean(error**2))),
         unsupported=[m.name for m, near in zip(members, nearer, strict=True) if near],

@@ -609,7 +609,7 @@ def model_of(page: RobotSheet, ends: dict[str, tuple[str, Array]]) -> SheetModel
         files = {one.name: digest(one.read_bytes()) for one in (near, drives) if one is not None}
         # what is said last is from where the stiffness of the drives is
         notes = tuple(robot.notes.changed[-1:]) if drives is not None else ()
-    chain = build_chain(content, file, files)
+    chain = build_chain(content, file, files, may_be_rigid=page.test.rigid)
     refuse_laws(chain, page.file)
     names = [joint.name for joint in chain.held_joints]
     for column, joint in page.joints.items():

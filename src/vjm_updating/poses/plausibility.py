@@ -497,7 +497,7 @@ def judged(measurement: RobotMeasurement, findings: Iterable[Finding], *, strict
     """
     model, name = measurement.model, f"{measurement.sheet.file}, model {measurement.sheet.test.model}"
     described = Path(measurement.sheet.test.model).suffix in DESCRIPTIONS
-    of_model = [] if described else model_findings(model.document, name)
+    of_model = [] if described else model_findings(model.document, name, may_be_rigid=measurement.sheet.test.rigid)
     doubts = (Finding(Grade.DOUBTFUL, name, doubt) for doubt in model.doubts)
     notes = (Finding(Grade.NOTED, name, note) for note in model.notes)
     result = worst_first([*findings, *doubts, *of_model, *notes])

@@ -33,7 +33,16 @@ from vjm_updating.poses.families import COMPLIANCE, MASS, SECOND, VALUE
 from vjm_updating.poses.fit import NO_FAMILY, places, solve
 from vjm_updating.poses.held_out import as_good, by_machine
 from vjm_updating.poses.identifiability import DRAWN as COUNT
-from vjm_updating.poses.identifiability import RangeSupport, effects, estimates, marginals, supported, whole_range
+from vjm_updating.poses.identifiability import (
+    RangeSupport,
+    effects,
+    estimates,
+    lack_of,
+    marginals,
+    missed2,
+    supported,
+    whole_range,
+)
 from vjm_updating.poses.kinds import PreparedTest
 from vjm_updating.poses.machine import LATERAL, OWN, RIGID
 from vjm_updating.poses.measurement import RobotMeasurement
@@ -241,13 +250,14 @@ def written(
         members = estimates(study, state)
     kept = _kept(study, state, members)
     file_study, fitted, at_bound = _within_bounds(study, state, kept)
-    missed = float(np.sqrt(_missed2(first)))
+    missed = float(np.sqrt(missed2(first)))
     state, support = supported(file_study, between(file_study, fitted)[0], missed)
     rows = estimates(file_study, state)
     document, left_out = calibrated_document(measurement, file_study, state, rows, kept)
-    if not any(elastic(table) for table in document["parts"]):
+    rigid = not any(elastic(table) for table in measurement.model.document["parts"])
+    if not rigid and not any(elastic(table) for table in document["parts"]):
         left_out.append(
-            "rigid joints: the model's own compliances are kept, for a model file must deflect somewhere"
+            "rigid joints: the model's own compliances are kept, for an elastic model must deflect somewhere"
         )
         kept |= {name for name, _ in _springs(study)}
         file_study, fitted = _as_in_file(study, fitted, kept)
@@ -256,9 +266,10 @@ def written(
         document, _ = calibrated_document(measurement, file_study, state, rows, kept)
     text = toml_text(document)
     content = parse_toml(text)
-    chain = build_chain(content, "the calibrated model")
-    known = {_said(one) for one in model_findings(measurement.model.document, "model")}
-    new = [one for one in model_findings(content, "the calibrated model") if _said(one) not in known]
+    chain = build_chain(content, "the calibrated model", may_be_rigid=rigid)
+    known = {_said(one) for one in model_findings(measurement.model.document, "model", may_be_rigid=rigid)}
+    found = model_findings(content, "the calibrated model", may_be_rigid=rigid)
+    new = [one for one in found if _said(one) not in known]
     refusals = tuple(one for one in new if one.grade is not Grade.NOTED)
     error = float(np.nanmean(by_machine(study, chain)[0]))
     values = {row.name: row.value for row in rows if row.name not in kept}
@@ -278,12 +289,6 @@ def as_it_stands(study: Study, first: FittedState) -> tuple[Study, FittedState]:
     if not study.sheet.test.rigid or not any(springs.values()):
         return study, first
     return _as_in_file(study, first, set(springs))
-
-
-def _missed2(state: FittedState) -> float:
-    """Mean square of what a fit misses where regions were held out, mm²; infinite where nothing was."""
-    seen = np.isfinite(state.errors.region)
-    return float(np.average(state.errors.region[seen] ** 2, weights=state.weight[seen])) if seen.any() else np.inf
 
 
 def _within_bounds(study: Study, state: FittedState, kept: set[str]) -> tuple[Study, FittedState, list[str]]:
@@ -476,10 +481,7 @@ def predicted(
     # the first marker, which rides where the tool is
     J = J[:, 0]
     change, off = J @ state.solution.z[active[n:]], _off(file_study, model)
-    # what the model lacks: what regions that were held out missed, less the noise
-    missed2, noise2 = _missed2(state), 3.0 * float(np.nanmedian(file_study.data.sigma**2))
-    lack = float(np.sqrt(max(missed2 - noise2, 0.0))) if missed2 < np.inf else 0.0
-    rng = np.random.default_rng(SEED)
+    lack, rng = lack_of(file_study, state), np.random.default_rng(SEED)
     error = np.einsum("gap,dp->dga", J, off) + lack / np.sqrt(3.0) * rng.standard_normal((DRAWS, len(asked), 3))
     without = np.linalg.norm(error + change, axis=2)
     with_it = np.linalg.norm(error, axis=2)
