@@ -25,10 +25,10 @@ from vjm_updating.inference.significance import (
     more_than_noise,
     paired_gain,
 )
-from vjm_updating.poses.families import DRIVES, ZEROS
+from vjm_updating.poses.families import DISPLACEMENT, DRIVES, LOAD, ZEROS
 from vjm_updating.poses.fit import factor_of, likeliest, places
 from vjm_updating.poses.forward import BASE_PLACE, BASE_TURN, MARKER_FRAME, MARKER_PLACE
-from vjm_updating.poses.pooled import PooledStudy, unknowns_of, zero_of
+from vjm_updating.poses.pooled import PooledStudy, zero_of
 from vjm_updating.poses.state import FittedState, Hypothesis, folds_of
 from vjm_updating.poses.study import TAIL, SeriesStudy, Study
 
@@ -115,9 +115,11 @@ def _kinds(study: SeriesStudy, state: FittedState) -> Iterator[tuple[ChangeKind,
             own = np.zeros_like(everything)
             own[:, i] = linearised.nuisance[:, i, :3, 6 + 3 * i : 9 + 3 * i]
             yield ChangeKind.MARKER, marker, own
+    # a zero of the displacements is the shift above
+    zeros = [(i, m) for i, m in enumerate(study.members) if m.family in ZEROS and m.kind != DISPLACEMENT]
     for family, kind in (("joint_offset", ChangeKind.JOINT_ZERO), ("instrument_zero", ChangeKind.LOAD_ZERO)):
-        for subject in dict.fromkeys(m.subject for m in study.members if m.family == family):
-            members = [i for i, m in enumerate(study.members) if m.family == family and m.subject == subject]
+        for subject in dict.fromkeys(m.subject for _, m in zeros if m.family == family):
+            members = [i for i, m in zeros if m.family == family and m.subject == subject]
             yield kind, subject, linearised.member[..., :3, members] / [study.members[i].scale for i in members]
 
 
@@ -483,8 +485,7 @@ def changed_by(change: ChangePoint) -> list[str]:
         case ChangeKind.SHIFT:
             if study.turns_with_tracker:
                 return [BASE_PLACE]
-            # no unknown of displacements shifts them all: anything may have changed
-            return [name for name, _ in unknowns_of(study.forward(), zeros)]
+            return [zero_of(m) for m in zeros if m.kind == DISPLACEMENT]
         case ChangeKind.FRAME:
             return [BASE_TURN, BASE_PLACE]
         case ChangeKind.MARKER:
@@ -492,7 +493,7 @@ def changed_by(change: ChangePoint) -> list[str]:
         case ChangeKind.JOINT_ZERO:
             return [zero_of(m) for m in zeros if m.family == "joint_offset" and m.subject == change.name]
         case ChangeKind.LOAD_ZERO:
-            return [zero_of(m) for m in zeros if m.family == "instrument_zero" and m.subject == change.name]
+            return [zero_of(m) for m in zeros if m.kind == LOAD and m.subject == change.name]
         case _:
             assert_never(change.kind)
 

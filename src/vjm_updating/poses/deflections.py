@@ -18,7 +18,15 @@ from vjm.rotations import Array, rotation_from_vector, rotation_vector
 from vjm_updating.constants import numerical, physical_bound, prior_scale
 from vjm_updating.experiment.data_file import WRENCH, DataTable, beyond_turn
 from vjm_updating.inference.significance import median_sigma
-from vjm_updating.poses.families import MILLIMETRE, MILLIRADIAN, FamilyParameter, members_of, value_member
+from vjm_updating.poses.families import (
+    DISPLACEMENT,
+    LOAD,
+    MILLIMETRE,
+    MILLIRADIAN,
+    FamilyParameter,
+    members_of,
+    value_member,
+)
 from vjm_updating.poses.forward import (
     LARGEST_TURN,
     MARKER_PLACE,
@@ -230,8 +238,6 @@ def _sigmas(
 # the axes Q of what reads them. What shifts or turns both equilibria alike, such as the tracker's origin and the
 # joints' zeros, is not in a difference. Nuisances are Q and what the marker's place in its body is off, m.
 
-LOAD = "load"
-"""What a member acts on that is a load's zero; its index is 6 times the point's number and the component's."""
 PUSHES = numerical(1e-3)
 """Of the largest load: by what it is changed for a difference, whose error is that share squared of it."""
 
@@ -298,6 +304,11 @@ class DeflectionForward(SeriesForward):
         J = np.concatenate([Q @ moved, Q @ (columns[:, :k, 3:] - columns0[:, :k, 3:])], axis=2)
         seen = (p[:, :k] + arm - p0[:, :k] - arm0) @ Q.T
         turned = Q @ (R[:, :k] @ np.swapaxes(R0[:, :k], -1, -2)) @ Q.T
+        for i, (size, member) in enumerate(zip(z, self.members, strict=True)):
+            if member.kind == DISPLACEMENT:
+                j, a = divmod(member.index, 6)
+                J[:, j, a, i] = member.scale
+                seen[:, j, a] += size * member.scale
         residual = np.full((len(self.data), k, 6), np.nan)
         residual[..., :3] = self.data.position - seen
         residual[..., 3:] = turn_between(turned, self.data.orientation)
@@ -388,7 +399,7 @@ COMPLIANCES = ("actuator_compliance", "lateral_compliance", "base_compliance", "
 NOT_SHOWN = ("joint_offset", "frame_error", "gear_error", "encoder_scale", "approach", "tracker_drift", "gravity")
 """Families of poses that a difference of two equilibria does not show, but in the second order."""
 ONE_PERCENT = prior_scale(0.01)
-"""Of the largest load: the unit of a force sensor's zero."""
+"""Of the largest load or displacement: the unit of a zero."""
 RESTS = physical_bound(1e-3)
 """Of a joint's root mean square torque by the loads: a smaller torque presses a joint to neither side."""
 
@@ -431,20 +442,29 @@ def _of_joints(machine: PoseMachine, forward: DeflectionForward, scale: Array) -
 
 
 def _zeros(data: DeflectionData) -> list[FamilyParameter]:
-    """Zeros of the force sensors along the axes that they read."""
+    """Zeros of the force sensors along the axes that they read, and of what reads the markers' displacements."""
     largest = np.abs(data.load).max(axis=0)
-    result = []
-    for j, point in enumerate(data.loads):
-        for a, label in enumerate(("fx", "fy", "fz", "mx", "my", "mz")):
-            half = largest[j, :3] if a < 3 else largest[j, 3:]
-            if largest[j, a] > 0.0:
-                result.append(
-                    FamilyParameter(
-                        family="instrument_zero", name=f"instrument_zero.{point}.{label}", kind=LOAD,
-                        index=6 * j + a, scale=ONE_PERCENT * float(half.max()), unit="N" if a < 3 else "N mm",
-                    )
-                )  # fmt: skip
-    return result
+    read = np.nanmax(np.abs(data.position), axis=0, initial=0.0)
+    zeros = [
+        (LOAD, point, 6 * j + a, label, float(half.max()), "N" if a < 3 else "N mm")
+        for j, point in enumerate(data.loads)
+        for a, label in enumerate(("fx", "fy", "fz", "mx", "my", "mz"))
+        if largest[j, a] > 0.0
+        for half in [largest[j, :3] if a < 3 else largest[j, 3:]]
+    ]
+    zeros += [
+        (DISPLACEMENT, marker, 6 * j + a, f"d{axis}", float(read[j].max()), "mm")
+        for j, marker in enumerate(data.markers)
+        for a, axis in enumerate("xyz")
+        if read[j, a] > 0.0
+    ]
+    return [
+        FamilyParameter(
+            family="instrument_zero", name=f"instrument_zero.{place}.{label}", kind=kind, index=index,
+            scale=ONE_PERCENT * most, unit=unit,
+        )
+        for kind, place, index, label, most, unit in zeros
+    ]  # fmt: skip
 
 
 ANY_AXES = prior_scale(10.0, "rad")

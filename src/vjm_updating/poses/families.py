@@ -20,6 +20,9 @@ from vjm_updating.poses.measurement import PoseData
 
 VALUE, COMPLIANCE, FACTOR, MASS, DRIFT, STRETCH = "value", "compliance", "factor", "mass", "drift", "stretch"
 """What a member acts on."""
+LOAD, DISPLACEMENT = "load", "displacement"
+"""The same of zeros: of a point's wrench, and of a marker's displacement. The index is 6 times the number of the
+point or the marker, and the component's."""
 MILLIMETRE, MILLIRADIAN = definition(1.0), definition(1e-3)
 LINEAR_ZERO = prior_scale(0.1, "mm")
 """mm: zeros of sliding joints are known to some millimetres, which `LARGEST` makes of it."""
@@ -97,7 +100,7 @@ TITLES = {
     "tension_compression_asymmetry": "joints that deflect more to one side, as by a crack or a loose bolt",
     "actuator_backlash": "backlash: joints that the load presses to the other side",
     "actuator_hardening": "springs of joints that stiffen or soften, by the cube of the torque",
-    "instrument_zero": "zeros of the force sensors",
+    "instrument_zero": "zeros of the force sensors, and of what reads displacements",
 }
 """What each is, for people."""
 LARGEST = {"gravity": 2.0, "joint_offset": 100.0, "temperature": 10.0}
@@ -110,7 +113,7 @@ SECOND = (
 
 DRIVES = "actuator_compliance"
 ZEROS = ("joint_offset", "instrument_zero")
-"""Zeros of encoders and of force sensors, which are set anew between series of a machine."""
+"""Zeros of encoders and instruments, which are set anew between series of a machine."""
 
 
 def members_of(machine: PoseMachine, data: PoseData, torque: Array, *, ordered: bool) -> list[FamilyParameter]:

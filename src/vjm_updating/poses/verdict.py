@@ -20,7 +20,7 @@ from vjm_updating.experiment.mistakes import columns_mistaken
 from vjm_updating.inference.significance import CUT, f_logsf, level, median_sigma, more_than_noise, normal_isf
 from vjm_updating.poses.changes import ChangeKind, ChangePoint
 from vjm_updating.poses.document import HalvesRow, MemberRow, PoseContrastRow, RemainderRow
-from vjm_updating.poses.families import DRIVES, WAVES
+from vjm_updating.poses.families import DISPLACEMENT, DRIVES, WAVES
 from vjm_updating.poses.fit import NO_FAMILY, solve
 from vjm_updating.poses.held_out import as_good, halves
 from vjm_updating.poses.identifiability import estimates
@@ -40,8 +40,9 @@ FOLLOWED = {
     "tension_compression_asymmetry": ("size of the torque of {part}, not its sign", "one side"),
     "actuator_backlash": ("side to which {part} is loaded", "backlash"),
     "instrument_zero": ("a constant load", "load"),
+    DISPLACEMENT: ("a constant displacement of {what}", "displacement"),
 }
-"""Of families, the name and the kind of the contrast that their members' columns make."""
+"""Of families, and of zeros of displacements, the name and the kind of the contrast that their members make."""
 
 
 def contrasts(study: Study, state: FittedState) -> list[PoseContrastRow]:
@@ -54,7 +55,7 @@ def contrasts(study: Study, state: FittedState) -> list[PoseContrastRow]:
     for i, member in enumerate(study.members):
         column, part = blocks.J[:, [n + i]], member.subject
         if member.family in FOLLOWED:
-            words, kind = FOLLOWED[member.family]
+            words, kind = FOLLOWED.get(member.kind, FOLLOWED[member.family])
             name = words.format(part=part, what=member.name.split(".")[1])
             asked.setdefault((name, kind), []).append(column)
         elif member.family == "joint_offset" and part in study.data.joints:
@@ -193,6 +194,7 @@ NEXT = {
     "backlash": "The residual follows the side to which a joint is loaded: load that joint alone, to either side, "
     "in small steps about zero.",
     "load": "The residual is a load's that is always there: read the force sensor without load, before and after.",
+    "displacement": "The residual is always the same: read the displacements without load, before and after.",
     "approach": "The residual follows the way of approach: repeat postures from both sides.",
     "region": "The residual differs by the region of joint space: measure more postures there.",
     "scatter": "The residual follows nothing that was asked: repeat some postures ten times, from both sides, to "

@@ -155,6 +155,19 @@ def test_a_force_sensors_zero_is_found(plain, tmp_path):
     assert found.written.without == ["instrument_zero"]
 
 
+def test_a_zero_of_what_reads_displacements_is_found(plain, tmp_path):
+    """Unloaded readings that were off, as a dial gauge's that was knocked: a constant of one column."""
+    q, force, d = plain
+    off = np.array([0.0, 0.0, 0.06])
+    found = diagnose_poses(*files(tmp_path, columns_of(q, force, noisy(d) + off)), tmp_path / "out")
+    assert (found.verdict, set(found.causes)) == ("named", {"actuator_compliance", "instrument_zero"})
+    rows = {row.name: row for family in found.families for row in family.members}
+    for axis, truth in zip("xyz", off, strict=True):
+        row = rows[f"instrument_zero.target.d{axis}"]
+        assert abs(row.value - truth) < 4.0 * row.std
+        assert row.std < 0.01
+
+
 @pytest.mark.slow
 def test_intervals_cover_the_truth(tmp_path):
     inside, new = [], []
@@ -309,7 +322,7 @@ def test_a_force_sensors_zero_is_of_its_series(tmp_path):
     found = diagnose_poses(*pairs[0], tmp_path / "out", beside=[pairs[1]])
     assert set(found.causes) == {"actuator_compliance", "instrument_zero"}
     (rows,) = (family.members for family in found.families if family.name == "instrument_zero")
-    for row, truth in zip(rows, zero, strict=True):
+    for row, truth in zip(rows, [*zero, 0.0, 0.0, 0.0], strict=True):
         assert abs(row.value - truth) < 4.0 * row.std
     assert found.refused == []
     before, after = (row.beside_mm[0] for row in found.selection[-2:])
