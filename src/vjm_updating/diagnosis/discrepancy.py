@@ -87,13 +87,16 @@ def _columns(fitter: LeastSquaresProblem, made: Array, shapes: Array) -> Array:
     off = np.concatenate([_slopes(observed, made)[:, :, :, None], apart], axis=3)
     ways = np.column_stack([np.ones(len(postures)), np.sign(driven_place(observed)), loading(observed)])
     off = (off[:, :, :, :, None] * ways[:, None, None, None, :]).reshape(*made.shape[:2], -1)
+    # no autocorrelation leads from one posture to another
+    whitening = fitter.whitening
+    off, plain = whitening.independent(off)[whitening.present], whitening.independent(made)[whitening.present]
     for label in dict.fromkeys(postures.tolist()):
-        on = (postures == label)[:, None, None]
-        columns = fitter.whitening.flat(np.where(on, off, 0.0))
+        on = np.broadcast_to((postures == label)[:, None], whitening.present.shape)[whitening.present][:, None]
+        columns = whitening.apart(np.where(on, off, 0.0))
         size = np.linalg.norm(columns, axis=0)
         seen = size > SEEN * size.max(initial=0.0)
         # each kind as large as what the cause does there
-        own = np.linalg.norm(fitter.whitening.flat(np.where(on, made, 0.0)), axis=0)
+        own = np.linalg.norm(whitening.apart(np.where(on, plain, 0.0)), axis=0)
         kinds = np.repeat([1.0, *[made.shape[1]] * made.shape[1]], ways.shape[1])
         wanted = (own[:, None] / np.sqrt(ways.shape[1] * kinds)).ravel()
         blocks.append(columns[:, seen] * (wanted[seen] / size[seen]))

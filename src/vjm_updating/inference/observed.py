@@ -75,11 +75,19 @@ class RampRegression:
 
         ``rho`` is the autocorrelation of neighbouring readings.
         """
-        order = np.arange(len(self.sequence))
-        together = self.sequence[:, None] == self.sequence
-        R = np.where(together, (rho**order)[np.abs(order[:, None] - order)], 0.0)
-        C = self.lines.T @ R @ self.lines
-        return self.lines @ np.linalg.cholesky(C + 1e-12 * np.eye(len(C)))
+        if rho not in self._errors:
+            order = np.arange(len(self.sequence))
+            together = self.sequence[:, None] == self.sequence
+            R = np.where(together, (rho**order)[np.abs(order[:, None] - order)], 0.0)
+            C = self.lines.T @ R @ self.lines
+            self._errors.clear()
+            self._errors[rho] = self.lines @ np.linalg.cholesky(C + 1e-12 * np.eye(len(C)))
+        return self._errors[rho]
+
+    @cached_property
+    def _errors(self) -> dict[float, Array]:
+        """The last of `errors`, by the autocorrelation: every fit asks for those of one noise."""
+        return {}
 
 
 def steady(
