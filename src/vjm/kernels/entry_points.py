@@ -328,7 +328,7 @@ def march(
 
     Along the grid each is predicted from up to four before it, and the march ends where one is unstable; behind a
     bifurcation a branch is smooth in the root of the distance from it, and is predicted in that. Otherwise each is
-    found from its own start near by, and nothing is said of stability between.
+    found from its own start near by, by one step at least, and nothing is said of stability between.
 
     Args:
         model: the machine; its first closure's frame on the ground is overwritten.
@@ -362,6 +362,15 @@ def march(
         aim(model, R_0, p_0, direction, s[i])
         for c in range(f):
             work.wrench[c] = wrench[i, c]
+        if not along:
+            # of a machine that differs by next to nothing the start may be near enough: the derivative is in a step
+            how, _, _, _ = newton(
+                model, command, natural, x[i], end_wrench, 1.0, False, np.inf, 0, False, work
+            )  # fmt: skip
+            if how == CONVERGED:
+                _step(model, work, x[i], wrench[i])
+                for c in range(f):
+                    work.wrench[c] = wrench[i, c]
         # of the first point only the factors are wanted
         how, iterations[i], error[i], negative[i] = newton(
             model, command, natural, x[i], end_wrench, 1.0, False, np.inf if begins else tolerance,
