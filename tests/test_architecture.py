@@ -11,6 +11,7 @@ from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
 import pytest
+from helpers.source_trees import parsed
 
 import vjm
 
@@ -122,7 +123,7 @@ def trees() -> dict[str, ast.Module]:
         for path in folder.rglob("*.py"):
             parts = (package, *path.relative_to(folder).with_suffix("").parts)
             name = ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
-            found[name] = ast.parse(path.read_text(encoding="utf-8"))
+            found[name] = parsed(path)
     return found
 
 
@@ -250,8 +251,9 @@ def test_the_house_is_no_larger_than_it_is_said_to_be():
     """Prints what it counts: ``pytest -s -k no_larger``."""
     modules, lines, code, imports = 0, 0, 0, 0
     for package, folder in SOURCES.items():
-        texts = [path.read_text(encoding="utf-8") for path in folder.rglob("*.py")]
-        counts = [_lines_of_code(text) for text in texts]
+        files = list(folder.rglob("*.py"))
+        texts = [path.read_text(encoding="utf-8") for path in files]
+        counts = [_lines_of_code(text, parsed(path)) for text, path in zip(texts, files, strict=True)]
         print(f"{package}: {len(texts)} modules, {sum(text.count(chr(10)) for text in texts)} lines")
         modules += len(texts)
         lines += sum(text.count("\n") for text in texts)
@@ -262,9 +264,8 @@ def test_the_house_is_no_larger_than_it_is_said_to_be():
     assert 0.0 < imports / code <= LARGEST_SHARE_OF_IMPORTS
 
 
-def _lines_of_code(source: str) -> tuple[int, int]:
+def _lines_of_code(source: str, tree: ast.Module) -> tuple[int, int]:
     """Lines that are neither blank, comment nor docstring, and those of them that import."""
-    tree = ast.parse(source)
     left_out, imports = set[int](), set[int]()
     for node in ast.walk(tree):
         if (
@@ -281,7 +282,8 @@ def _lines_of_code(source: str) -> tuple[int, int]:
 
 
 def test_lines_of_code_are_counted():
-    assert _lines_of_code('"""Text."""\n\nimport a\nfrom b import (\n    c,\n)\n# why\nx = 1  # so\n') == (5, 4)
+    source = '"""Text."""\n\nimport a\nfrom b import (\n    c,\n)\n# why\nx = 1  # so\n'
+    assert _lines_of_code(source, ast.parse(source)) == (5, 4)
 
 
 @pytest.mark.skipif(not (ROOT / ".git").exists(), reason="git knows which files count; this is no checkout")

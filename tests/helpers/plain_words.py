@@ -8,7 +8,6 @@ import inspect
 import itertools
 import re
 import sys
-import tokenize
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
@@ -19,6 +18,8 @@ from markdown_it.token import Token
 from mdit_py_plugins.amsmath import amsmath_plugin
 from mdit_py_plugins.colon_fence import colon_fence_plugin
 from mdit_py_plugins.dollarmath import dollarmath_plugin
+
+from helpers.source_trees import parsed
 
 ROOT = Path(__file__).parents[2]
 PACKAGES = ("src", "fea", "validation")
@@ -76,6 +77,9 @@ _CODE = "Code"
 """What stands for a code span or a formula: one word, which no rule reads."""
 _ABBREVIATED = re.compile(r"\b(e\.g|i\.e|eq|eqs|fig|et al|vs|cf|approx|ed|resp|(?<!\d )[A-Z])\.$", re.IGNORECASE)
 _PRAGMA = re.compile(r"# *(noqa|type:|fmt:|%%|ruff:|pragma|-+$|!)")
+_STRING_OR_COMMENT = re.compile(
+    r"""#.*|(?s:\"{3}(?:\\.|[^\\])*?\"{3}|'{3}(?:\\.|[^\\])*?'{3})|"(?:\\[\s\S]|[^"\\\n])*"|'(?:\\[\s\S]|[^'\\\n])*'"""
+)
 _PROSE_FENCES = ("{glossary}", "{admonition}", "{note}", "{tip}", "{warning}", "{important}")
 
 
@@ -145,14 +149,15 @@ def _parser() -> MarkdownIt:
 
 
 _PARSER = _parser()
-_MARKUP = re.compile(r"[^\w ,.;?!'’“”()/%=×°²³·–—…-]|^ |^[-=\d]")
+_SPAN = re.compile(r"(?<!`)`[^`\n]+`(?!`)")
+_MARKUP = re.compile(r"[^\w\n ,.;:?!'\"’“”()/%=×°²³·–—…-]|^ |^[-=:\d]|(?<![A-Za-z0-9])_|_(?!\w)", re.MULTILINE)
 """What may be Markdown: any sign that prose does not have, and what begins a list, a rule or code."""
 
 
 def markdown(text: str) -> tuple[Block, ...]:
     """The prose of a Markdown page, without code, formulas and the options of directives."""
-    if text and not _MARKUP.search(text):
-        return (Block(text.strip()),)
+    if not _MARKUP.search(prose := _SPAN.sub(_CODE, text)):
+        return tuple(Block(" ".join(part.split())) for part in re.split(r"\n\s*\n", prose) if part.strip())
     text = re.sub(r"\{term\}`([^`<]*?)(\s*<[^`]*>)?`", r"\1", text)
     return tuple(_blocks(_PARSER.parse(text)))
 
@@ -227,22 +232,23 @@ def comments() -> Iterator[Page]:
     """Comments of the packages and the tests; those in a row are one text."""
     for file in _files((*PACKAGES, "tests")):
         found: list[tuple[int, str]] = []
-        with tokenize.open(file) as stream:
-            tokens = list(tokenize.generate_tokens(stream.readline))
-        for token in tokens:
-            if token.type == tokenize.COMMENT and not _PRAGMA.match(token.string):
-                text = token.string.lstrip("# ")
-                if found and token.start[0] == found[-1][0] + 1:
+        source = file.read_text(encoding="utf-8")
+        for token in _STRING_OR_COMMENT.finditer(source):
+            if token[0].startswith("#") and not _PRAGMA.match(token[0]):
+                line, text = source.count("\n", 0, token.start()) + 1, token[0].lstrip("# ")
+                if found and line == found[-1][0] + 1:
                     text = f"{found.pop()[1]} {text}"
-                found.append((token.start[0], text))
+                found.append((line, text))
         yield from (Page(f"{_name(file)}:{line}", (Block(text),), sentences=False) for line, text in found)
 
 
 def names() -> Iterator[tuple[str, str]]:
     """File, and a name with a word for which the field has another: what programs and tests define, and files."""
     for file in _files((*PACKAGES, "tests")):
-        own = {file.stem, *defined(_tree(file))}
-        yield from ((_name(file), name) for name in sorted(own) if in_name(name))
+        used = {file.stem, *re.findall(r"\w+", file.read_text(encoding="utf-8"))}
+        if any(map(in_name, used)):
+            own = {file.stem, *defined(parsed(file))}
+            yield from ((_name(file), name) for name in sorted(own) if in_name(name))
 
 
 def defined(tree: ast.Module) -> set[str]:
@@ -309,12 +315,7 @@ def _files(folders: Sequence[str]) -> Iterator[Path]:
 def _trees() -> Iterator[tuple[Path, ast.Module]]:
     for package in PACKAGES:
         for file in sorted((ROOT / package).rglob("*.py")):
-            yield file, _tree(file)
-
-
-@cache
-def _tree(file: Path) -> ast.Module:
-    return ast.parse(file.read_text(encoding="utf-8"))
+            yield file, parsed(file)
 
 
 def _constant(node: ast.expr) -> str:
