@@ -41,22 +41,15 @@ def test_import_alone_loads_no_numpy():
     assert done.stdout == "False False\n"
 
 
-@pytest.mark.parametrize(
-    "module",
-    [
-        *("vjm", "vjm.analysis", "vjm.postures", "vjm.model.joint_limits", "vjm.machine.inverse_kinematics"),
-        *("vjm.machine.inverse_kinematics", "vjm.design.shares", "vjm.design.modes", "vjm.design.space"),
-        *("vjm.building", "vjm.compensation", "vjm.design.best_machine", "vjm.io.catalogues", "vjm.robots"),
-        *(
-            "vjm.design.space",
-            "vjm.design.sweep",
-            "vjm.design.space",
-            "vjm.design.sensitivity",
-            "vjm.io.shapes",
-        ),
-        *("vjm.io.inertia", "vjm.io.model_report"),
-    ],
-)
+DOCUMENTED = """
+vjm vjm.analysis vjm.postures vjm.model.joint_limits vjm.machine.inverse_kinematics vjm.design.shares
+vjm.design.modes vjm.design.space vjm.building vjm.compensation vjm.design.best_machine vjm.io.catalogues vjm.robots
+vjm.design.sweep vjm.design.sensitivity vjm.io.shapes vjm.io.inertia vjm.io.model_report
+vjm_updating.maps.run vjm_updating.identify.command vjm_updating.simulate
+"""
+
+
+@pytest.mark.parametrize("module", DOCUMENTED.split())
 def test_examples_in_docstrings_hold(module):
     result = doctest.testmod(importlib.import_module(module))
     assert result.attempted >= 2

@@ -1,10 +1,34 @@
 """Parts of every kind, turned at random, for chains that nothing is along an axis of."""
 
 import numpy as np
+import pytest
 
+from vjm.continuation.path import StationLabel
+from vjm.model.load_case import LoadCase
 from vjm.model.machine import Machine
+from vjm.model.mechanism import Mechanism
 from vjm.model.parts import Beam, RigidOffset, Section
 from vjm.rotations import frame, rotation_from_vector
+
+ARM = np.array([1.0, 1.0, 1.0, 300.0, 300.0, 300.0])
+"""Wrench and stiffness in units of 300 mm, so that forces and moments weigh the same."""
+
+
+def agrees_with_springs(engine, chain, linear_stiffness, within):
+    """Finite elements, three a beam, have the lumped model's unloaded stiffness and stations."""
+    problem = engine.problem(chain, LoadCase("P", 1.0))
+    unloaded = problem.unloaded()
+    names = [beam.name for beam in chain.beams]
+    reference = linear_stiffness(chain.refined(dict.fromkeys(names, 1)), chain.posture("P"))
+    scaled = (unloaded.stiffness - reference) / np.outer(ARM, ARM)
+    assert scaled == pytest.approx(0.0, abs=within * np.max(np.abs(reference / np.outer(ARM, ARM))))
+
+    model = Mechanism(chain.refined(dict.fromkeys(names, 3)))
+    assert problem.stations == tuple(StationLabel(s.part, s.fraction) for s in model.stations)
+    lumped_shape = model.shape(model.kinematics(model.configuration(chain.posture("P"))))
+    # the same products of frames, to rounding of some hundred mm
+    assert unloaded.shape == pytest.approx(lumped_shape, abs=1e-10)
+    assert unloaded.wrench / ARM == pytest.approx(0.0, abs=1e-9)
 
 
 class OddParts:

@@ -7,21 +7,17 @@ import pytest
 from helpers.elements import needs_opensees
 from scipy.linalg import null_space
 
-from vjm.continuation.path import StationLabel
 from vjm.errors import NoConvergenceError
 from vjm.model.load_case import COMPONENTS, Load, LoadCase
 from vjm.model.machine import Machine
-from vjm.model.mechanism import Mechanism
 from vjm.model.parts import Beam, Joint, Section
 from vjm.rotations import AXES, rotation_from_vector
 from vjm_fea.opensees import OpenSeesEngine, available
 from vjm_fea.opensees.beams import Beams, ElementKind, opensees
 from vjm_fea.opensees.system import MachineSystem
 
-from .odd_parts import OddParts
+from .odd_parts import ARM, OddParts, agrees_with_springs
 
-# wrench and stiffness in units of 300 mm, so that forces and moments weigh the same
-ARM = np.array([1.0, 1.0, 1.0, 300.0, 300.0, 300.0])
 LENGTH = 310.0
 BAR = Section(6.74e6, 1.07e7, 2.07e8, 4.3e7)
 
@@ -51,18 +47,7 @@ def cantilever(**of_beam):
 
 @needs_opensees
 def test_any_chain_has_the_lumped_model_s_unloaded_stiffness_and_stations(odd_chain, linear_stiffness):
-    problem = OpenSeesEngine(3).problem(odd_chain, LoadCase("P", 1.0))
-    unloaded = problem.unloaded()
-    names = [beam.name for beam in odd_chain.beams]
-    reference = linear_stiffness(odd_chain.refined(dict.fromkeys(names, 1)), odd_chain.posture("P"))
-    scaled = (unloaded.stiffness - reference) / np.outer(ARM, ARM)
-    assert scaled == pytest.approx(0.0, abs=1e-9 * np.max(np.abs(reference / np.outer(ARM, ARM))))
-
-    model = Mechanism(odd_chain.refined(dict.fromkeys(names, 3)))
-    assert problem.stations == tuple(StationLabel(s.part, s.fraction) for s in model.stations)
-    lumped_shape = model.shape(model.kinematics(model.configuration(odd_chain.posture("P"))))
-    assert unloaded.shape == pytest.approx(lumped_shape, abs=1e-10)
-    assert unloaded.wrench / ARM == pytest.approx(0.0, abs=1e-9)
+    agrees_with_springs(OpenSeesEngine(3), odd_chain, linear_stiffness, within=1e-9)
 
 
 @needs_opensees

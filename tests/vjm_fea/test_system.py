@@ -5,22 +5,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from vjm.continuation.path import StationLabel
 from vjm.engines import engine_by_name
 from vjm.errors import NoConvergenceError
 from vjm.model.load_case import COMPONENTS, Load, LoadCase
 from vjm.model.machine import Machine
-from vjm.model.mechanism import Mechanism
 from vjm.model.parts import Beam, Joint, JointCoupling, RigidOffset, Section
 from vjm.rotations import AXES, frame, rotation_from_vector
 from vjm_fea.common.states import quaternion, rotation_matrices
 from vjm_fea.exudyn.engine import ExudynEngine
 from vjm_fea.exudyn.joints import MatrixSpring
 
-from .odd_parts import OddParts
-
-# wrench and stiffness in units of 300 mm, so that forces and moments weigh the same
-ARM = np.array([1.0, 1.0, 1.0, 300.0, 300.0, 300.0])
+from .odd_parts import ARM, OddParts, agrees_with_springs
 
 
 @pytest.fixture(scope="module")
@@ -44,20 +39,8 @@ def odd_chain():
 
 
 def test_any_chain_has_the_lumped_model_s_unloaded_stiffness_and_stations(odd_chain, linear_stiffness):
-    problem = ExudynEngine(elements=3).problem(odd_chain, LoadCase("P", 1.0))
-    unloaded = problem.unloaded()
-    names = [beam.name for beam in odd_chain.beams]
-    reference = linear_stiffness(odd_chain.refined(dict.fromkeys(names, 1)), odd_chain.posture("P"))
-    scaled = (unloaded.stiffness - reference) / np.outer(ARM, ARM)
     # joint columns are differences with a relative error near 1e-8
-    assert scaled == pytest.approx(0.0, abs=1e-6 * np.max(np.abs(reference / np.outer(ARM, ARM))))
-
-    model = Mechanism(odd_chain.refined(dict.fromkeys(names, 3)))
-    assert problem.stations == tuple(StationLabel(s.part, s.fraction) for s in model.stations)
-    lumped_shape = model.shape(model.kinematics(model.configuration(odd_chain.posture("P"))))
-    # the same products of frames, to rounding of some hundred mm
-    assert unloaded.shape == pytest.approx(lumped_shape, abs=1e-10)
-    assert unloaded.wrench / ARM == pytest.approx(0.0, abs=1e-9)
+    agrees_with_springs(ExudynEngine(elements=3), odd_chain, linear_stiffness, within=1e-6)
 
 
 @pytest.mark.parametrize("foot_spring", [False, True])

@@ -2,7 +2,6 @@
 
 import json
 import tomllib
-from collections.abc import Callable
 from pathlib import Path
 
 import jsonschema
@@ -12,6 +11,7 @@ from helpers.command import GAUGE_SHEET, json_of, refused, validate
 from helpers.from_files import CALIBRATED as MODEL
 from helpers.from_files import CALIBRATION as DOCUMENT
 from helpers.from_files import CALIBRATION_PAGE as PAGE
+from helpers.spoilt_tables import Spoil, Table, cell, column, keep, swapped, without
 
 from vjm.io.model_file import build_chain, load_chain
 from vjm.model.load_case import LoadCase
@@ -124,47 +124,12 @@ def test_intervals_cover_the_truth_through_the_command(files):
     assert covered >= 12  # 95 % of 15, and the chance of fewer is 0.5 %
 
 
-Change = Callable[[list[list[str]]], None]
-
-
-def column(name: str, change: Callable[[str], str], posture: str = "") -> Change:
-    """Change the cells of a column, of one posture or of all."""
-
-    def spoil(table: list[list[str]]) -> None:
-        at = table[0].index(name)
-        for row in table[1:]:
-            if not posture or row[table[0].index("posture")] == posture:
-                row[at] = change(row[at])
-
-    return spoil
-
-
-def without(name: str) -> Change:
-    def spoil(table: list[list[str]]) -> None:
-        at = table[0].index(name)
-        for row in table:
-            del row[at]
-
-    return spoil
-
-
-def swapped(table: list[list[str]]) -> None:
-    table[5], table[6] = table[6], table[5]
-
-
-def blank_posture(table: list[list[str]]) -> None:
+def blank_posture(table: Table) -> None:
     for name in synthetic.COLUMNS:
         column(name, lambda _: "", "B")(table)
 
 
-def one_cell(name: str, text: str) -> Change:
-    def spoil(table: list[list[str]]) -> None:
-        table[8][table[0].index(name)] = text
-
-    return spoil
-
-
-BAD: dict[str, tuple[Change, tuple[str, ...]]] = {
+BAD: dict[str, tuple[Spoil, tuple[str, ...]]] = {
     "force in kN": (column("fx_N", lambda c: str(float(c) / 1e3)), ("fx_N", "factor 1000", "kN instead of N")),
     "force in mN": (column("fx_N", lambda c: str(float(c) * 1e3)), ("fx_N", "factor 1000", "mN instead of N")),
     "displacement in m": (column("ux_mm", lambda c: str(float(c) / 1e3)), ("ux_mm", "factor 1000", "in m instead")),
@@ -174,12 +139,12 @@ BAD: dict[str, tuple[Change, tuple[str, ...]]] = {
     "missing posture": (without("posture"), ("posture", "missing")),
     "constant": (column("ux_mm", lambda _: "1.0"), ("posture A", "ux_mm", "constant")),
     "swapped": (swapped, ("rows 6 and 7", "swapped in time")),
-    "nan": (one_cell("fx_N", "nan"), ("row 9", "fx_N", "not finite")),
-    "text": (one_cell("fx_N", "12 N"), ("row 9", "fx_N", "is no number")),
+    "nan": (cell(9, "fx_N", "nan"), ("row 9", "fx_N", "not finite")),
+    "text": (cell(9, "fx_N", "12 N"), ("row 9", "fx_N", "is no number")),
     "blank posture": (blank_posture, ("posture B", "blank")),
-    "unknown posture": (one_cell("posture", "E"), ("row 9", "unknown posture 'E'")),
+    "unknown posture": (cell(9, "posture", "E"), ("row 9", "unknown posture 'E'")),
     "empty": (lambda table: table.clear(), ("data.csv", "empty")),
-    "header alone": (lambda table: table.__delitem__(slice(1, None)), ("no reading below",)),
+    "header alone": (keep(0), ("no reading below",)),
 }
 
 

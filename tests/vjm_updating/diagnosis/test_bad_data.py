@@ -1,17 +1,15 @@
 """Bad data and sheets: `validate diagnose` refuses each in one line that names row or key, and writes nothing."""
 
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 from helpers.command import refused
+from helpers.spoilt_tables import cell, column, keep, swapped, without
 
 from vjm.engines import VjmEngine
 from vjm.io.model_file import load_chain
 from vjm.model.load_case import LoadCase
-
-Table = list[list[str]]
 
 
 @pytest.fixture(scope="module")
@@ -28,42 +26,6 @@ def sound(make, tmp_path_factory):
             for k in range(6):
                 wrench[on, k] = np.interp(np.abs(u[on]), path.s, path.wrench[:, k])
     return make.write(folder, rows, wrench, u)
-
-
-def column(name: str, change: Callable[[str], str]) -> Callable[[Table], None]:
-    def spoil(table: Table) -> None:
-        at = table[0].index(name)
-        for row in table[1:]:
-            row[at] = change(row[at])
-
-    return spoil
-
-
-def without(name: str) -> Callable[[Table], None]:
-    def spoil(table: Table) -> None:
-        at = table[0].index(name)
-        for row in table:
-            del row[at]
-
-    return spoil
-
-
-def cell(row: int, name: str, text: str) -> Callable[[Table], None]:
-    def spoil(table: Table) -> None:
-        table[row - 1][table[0].index(name)] = text
-
-    return spoil
-
-
-def keep(count: int) -> Callable[[Table], None]:
-    def spoil(table: Table) -> None:
-        del table[count + 1 :]
-
-    return spoil
-
-
-def swapped(table: Table) -> None:
-    table[5], table[6] = table[6], table[5]
 
 
 DATA = {
