@@ -31,3 +31,12 @@ def chain():
     from vjm.io.model_file import load_chain
 
     return load_chain("orthoglide-chain")
+
+
+@pytest.fixture(scope="session")
+def rendering():
+    """A machine that renders off the screen; what needs one is skipped elsewhere."""
+    from vjm_output.optional_drawing import why_not_rendered
+
+    if reason := why_not_rendered():
+        pytest.skip(f"this machine cannot render: {reason}")

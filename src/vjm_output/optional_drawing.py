@@ -9,6 +9,7 @@ from __future__ import annotations
 import subprocess
 import sys
 from collections.abc import Callable, Sequence
+from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -56,10 +57,11 @@ assert plotter.screenshot(return_img=True).std() > 1.0
 PROBE_SECONDS = 60.0
 
 
+@cache
 def why_not_rendered() -> str:
     """Why this machine cannot render off the screen, empty where it can.
 
-    Asked of a process of its own: a missing graphics library may end a process without an exception.
+    Asked once, of a process of its own: a missing graphics library may end a process without an exception.
     """
     try:
         done = subprocess.run(

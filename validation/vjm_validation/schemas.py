@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 import sys
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -38,6 +39,7 @@ from vjm_validation.runs.paper import Summary
 from vjm_validation.studies.own_machine import OwnMachineSummary
 
 
+@cache
 def schemas() -> dict[str, dict[str, Any]]:
     """JSON Schemas by file name."""
     return {

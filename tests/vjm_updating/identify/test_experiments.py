@@ -19,7 +19,6 @@ from vjm_fea.solid.compliance import TipLoad
 from vjm_fea.solid.drawing import drawing
 from vjm_fea.solid.elasticity import IsotropicMaterial
 from vjm_fea.solid.identify import SolidTask, identify
-from vjm_output.optional_drawing import why_not_rendered
 from vjm_updating.identify.command import identify_part
 from vjm_updating.identify.experiments import BeamPath, BeamPathPiece, build_path, is_path, measure, part_specimen
 from vjm_updating.identify.solid_part import face_numbers, load_pictures, numbered_faces, wrench_picture
@@ -241,11 +240,8 @@ FOLDER = Path(__file__).parents[3] / "validation/vjm_validation/examples/parts"
 
 
 @pytest.fixture(scope="module")
-def found(tmp_path_factory):
+def found(rendering, tmp_path_factory):
     gmsh_or_skip()
-    reason = why_not_rendered()
-    if reason:
-        pytest.skip(f"this machine cannot render: {reason}")
     path = drawn(tmp_path_factory.mktemp("prism") / "prism.step", prism)
     task = SolidTask(
         path, IsotropicMaterial(70000.0, 0.3), ("0,0,0",), ("100,0,0",), accuracy=0.2, largest=20_000, first=1500,
@@ -291,11 +287,9 @@ def test_opposite_wrenches_bend_to_opposite_sides(found):
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("rendering")
 def test_faces_are_drawn_with_their_numbers():
     gmsh_or_skip()
-    reason = why_not_rendered()
-    if reason:
-        pytest.skip(f"this machine cannot render: {reason}")
     with drawing(FOLDER / "l-bracket.step") as opened:
         image = pixels(numbered_faces(opened.faces))
     left, right = np.array_split(image, 2, axis=1)

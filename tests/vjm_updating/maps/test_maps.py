@@ -6,7 +6,6 @@ import os
 import signal
 import socket
 from dataclasses import replace
-from pathlib import Path as FilePath
 
 import jsonschema
 import numpy as np
@@ -26,8 +25,6 @@ from vjm_updating.maps.grid import parsed_grid, points_of
 from vjm_updating.maps.output import write_map
 from vjm_updating.maps.run import Map, run_map
 from vjm_validation.schemas import schemas
-
-SCHEMAS = FilePath(__file__).parents[3] / "docs/schemas"
 
 
 def small(quantity=MapQuantity.STIFFNESS, name="orthoglide", grid="x=-40:40:3,y=0:60:2,z=0", **more):
@@ -142,9 +139,7 @@ def test_the_command_writes_csv_vtk_and_a_figure(tmp_path, monkeypatch):
     # VTK runs x fastest
     assert grid.point_data["kt_min_N_per_mm"][1] == pytest.approx(float(rows[2]["kt_min_N_per_mm"]))
     document = json.loads((tmp_path / "map.json").read_text(encoding="utf-8"))
-    published = json.loads((SCHEMAS / "map.schema.json").read_text(encoding="utf-8"))
-    assert published == schemas()["map.schema.json"]
-    jsonschema.validate(document, published)
+    jsonschema.validate(document, schemas()["map.schema.json"])
 
 
 @pytest.mark.parametrize(

@@ -197,9 +197,8 @@ def test_a_table_is_sorted_and_filtered(open_page, run, bare, tmp_path):
     assert names() == ["case 12"]
 
 
+@pytest.mark.usefixtures("rendering")
 def test_the_scene_turns_and_follows_the_path(open_page, folder):
-    if reason := why_not_rendered():
-        pytest.skip(f"no off-screen rendering, and no scene without its picture: {reason}")
     page = open_page(folder / "index.html")
     canvas = page.locator("figure[data-scene] canvas").first
     canvas.scroll_into_view_if_needed()

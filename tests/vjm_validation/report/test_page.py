@@ -17,7 +17,6 @@ from PIL import Image
 from vjm.model.load_case import Direction
 from vjm_fea.factories import EXUDYN_MISSING
 from vjm_fea.opensees.beams import MISSING
-from vjm_output.optional_drawing import why_not_rendered
 from vjm_validation.report import page
 from vjm_validation.report.findings import findings
 from vjm_validation.report.page import matrix, write_report, wrong_in_the_paper
@@ -147,9 +146,8 @@ def test_the_matrix_colours_by_tolerance(computed):
     assert "Pushed, the beams buckle" in second
 
 
+@pytest.mark.usefixtures("rendering")
 def test_renders_show_compression_and_the_artefact(folder):
-    if reason := why_not_rendered():
-        pytest.skip(f"no off-screen rendering: {reason}")
     assert {file.name for file in (folder / "renders").iterdir()} == {"A_compression.png", "A_tension.png"}
 
 

@@ -21,7 +21,6 @@ from vjm.model.mechanism import Mechanism
 from vjm.model.parts import Placement
 from vjm_output import optional_drawing, plots
 from vjm_output.number_text import number
-from vjm_output.optional_drawing import why_not_rendered
 from vjm_output.plots import PAGE_WIDTH, Margins, drawing_of, figure
 from vjm_validation.report.chapter_figures import MARKS, PLACES, converged, lumping_pictures
 from vjm_validation.report.figures import (
@@ -147,7 +146,7 @@ def test_camera_faces_the_sideways_motion_with_the_tool_on_the_right(run):
 def test_a_machine_that_cannot_render_is_found_out_in_another_process(monkeypatch, program, reason):
     monkeypatch.setattr(optional_drawing, "PROBE", program)
     monkeypatch.setattr(optional_drawing, "PROBE_SECONDS", 1.0)
-    assert reason in optional_drawing.why_not_rendered()
+    assert reason in optional_drawing.why_not_rendered.__wrapped__()
 
 
 def pictures(run):
@@ -228,9 +227,8 @@ def test_a_robot_is_drawn_leg_by_leg_to_one_platform(pressed):
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("rendering")
 def test_a_robot_turns_with_the_radii_of_its_parts(pressed):
-    if reason := optional_drawing.why_not_rendered():
-        pytest.skip(reason)
     study = RobotStudy(Robots(stiffness=[], critical=[], misfit=[], mobility=[]), pressed)
     (picture,) = robot_renders(study)
     shown = json.loads(picture.scene)
@@ -311,7 +309,7 @@ def test_a_page_holds_the_machine(tmp_path):
     assert "http" not in page
 
 
-@pytest.mark.skipif(bool(why_not_rendered()), reason="this machine cannot render")
+@pytest.mark.usefixtures("rendering")
 def test_a_picture_shows_more_than_white(tmp_path):
     file = tmp_path / "view.png"
     validate("show", "planar-2r", "--out", file)
@@ -339,7 +337,7 @@ sys.stdout.write(str(drawn.screenshot(return_img=True).shape))
 """
 
 
-@pytest.mark.skipif(bool(why_not_rendered()), reason="this machine cannot render")
+@pytest.mark.usefixtures("rendering")
 def test_drawing_without_a_screen_says_nothing_of_one():
     """VTK looks for an X server first; whoever runs a command without one has nothing to do about it."""
     environment = {name: value for name, value in os.environ.items() if name != "DISPLAY"}

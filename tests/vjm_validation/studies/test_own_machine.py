@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from helpers.command import in_a_process, refused, validate
+from helpers.command import refused, validate
 from helpers.file_texts import model_text, part_text, table_text
 
 import vjm
@@ -16,7 +16,6 @@ from vjm.io.file_parameters import MachineFiles
 from vjm.io.model_file import load_chain
 from vjm.machine.equilibria import equilibria
 from vjm.model.mechanism import Mechanism
-from vjm_output.optional_drawing import why_not_rendered
 from vjm_validation import load_any_model
 from vjm_validation.acceptance import accepted, at_most
 from vjm_validation.load_any_model import parsed_directions, unit_of
@@ -113,9 +112,8 @@ def report(tmp_path_factory):
     folder = tmp_path_factory.mktemp("own")
     file = folder / "my-arm.toml"
     validate("new", "arm", file)
-    words = ("--posture", "home", "--direction", "x", "--gravity", "0,0,-9.81", "--out", str(folder / "run"))
-    finished = in_a_process("all", str(file), *words)
-    assert finished.status == 0, finished.err
+    words = ("--posture", "home", "--direction", "x", "--gravity", "0,0,-9.81", "--out", folder / "run")
+    validate("all", file, *words)
     return folder / "run"
 
 
@@ -138,7 +136,7 @@ def test_a_report_holds_what_one_shows(report):
     assert len(list((report / "curves").glob("*.csv"))) == 2
 
 
-@pytest.mark.skipif(bool(why_not_rendered()), reason="this machine cannot render")
+@pytest.mark.usefixtures("rendering")
 def test_the_machine_is_drawn(report):
     assert (report / "renders" / "machine_home.png").stat().st_size > 5000
 

@@ -1,8 +1,5 @@
 """The study of whole robots: its pieces, what the report says of them, and what would fail a run."""
 
-import json
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -14,7 +11,6 @@ from vjm_fea.opensees.beams import available
 from vjm_validation.acceptance import robot_rows
 from vjm_validation.report.chapters import robot_pictures, robot_tables, robots
 from vjm_validation.report.findings import no_finite_elements
-from vjm_validation.schemas import schemas
 from vjm_validation.studies.chain import Run
 from vjm_validation.studies.robots import Robots, RobotStudy, curve, gathered, piece, platform_stiffness, tasks
 
@@ -119,11 +115,6 @@ def test_a_run_of_robots_only_is_compared_with_finite_elements(study):
 def test_a_run_without_the_study_has_no_chapter():
     assert robots(Run(load_chain("orthoglide-chain"))) is None
     assert robot_rows(None) == []
-
-
-def test_the_published_schema_holds_the_study():
-    file = Path(__file__).parents[3] / "docs" / "schemas" / "summary.schema.json"
-    assert json.loads(file.read_text(encoding="utf-8")) == schemas()["summary.schema.json"]
 
 
 @pytest.mark.slow
