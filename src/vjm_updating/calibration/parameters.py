@@ -44,7 +44,6 @@ class CalibrationParameter(FitParameter):
     Attributes:
         name: ``link.EIz``, ``foot.factor``, ``actuator.compliance``, ``foot.R21``.
         unit: of its value.
-        nominal: value at z = 0.
         linear: whether the value is ``nominal + scale z``, and not ``nominal · exp(z)``.
         difference: a ten-thousandth of a stiffness.
     """
@@ -57,7 +56,7 @@ class CalibrationParameter(FitParameter):
 
     def value(self, z: float) -> float:
         """The quantity itself, in its unit."""
-        return self.nominal + self.scale * z if self.linear else self.nominal * float(np.exp(z))
+        return super().value(z) if self.linear else self.nominal * float(np.exp(z))
 
     def slope(self, z: float) -> float:
         """Derivative of the value by z."""
@@ -65,7 +64,7 @@ class CalibrationParameter(FitParameter):
 
     def coordinate(self, value: float) -> float:
         """The converse of `value`."""
-        return (value - self.nominal) / self.scale if self.linear else float(np.log(value / self.nominal))
+        return super().coordinate(value) if self.linear else float(np.log(value / self.nominal))
 
 
 Change = Callable[[Machine, Array], Machine]

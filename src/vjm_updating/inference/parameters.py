@@ -31,13 +31,14 @@ from vjm_updating.mechanisms.structure import FootCompliance, LinkCompliance, Li
 
 @dataclass(frozen=True)
 class FitParameter:
-    """One number z that a fit looks for, in units of ``scale``.
+    """One number z that a fit looks for, in units of ``scale``; its value is the nominal one and as much more.
 
     Attributes:
         kind: a `vjm_updating.experiment.Kind`, or what else it is of.
         subject: channel or part; of an effect its index in the hypothesis, as text.
         scale: of the coordinate; a nuisance's sigma.
         sigma: of its prior, in units of the scale; infinite where there is none, zero where it is fixed.
+        nominal: value at z = 0.
         difference: step of z, or share of it, by which what it does is differentiated.
     """
 
@@ -51,6 +52,7 @@ class FitParameter:
     sigma: float = 1.0
     low: float = -np.inf
     high: float = np.inf
+    nominal: float = 0.0
 
     @property
     def of_instrument(self) -> bool:
@@ -59,7 +61,8 @@ class FitParameter:
 
     def value(self, z: float) -> float:
         """In its own unit; of a modulus or a mass relative, which counts by its logarithm."""
-        return float(np.expm1(z * self.scale)) if self.kind in (Kind.MODULUS, Kind.MASS) else z * self.scale
+        relative = self.kind in (Kind.MODULUS, Kind.MASS)
+        return float(np.expm1(z * self.scale)) if relative else self.nominal + self.scale * z
 
     def slope(self, z: float) -> float:
         """Derivative of the value by z."""
@@ -67,7 +70,8 @@ class FitParameter:
 
     def coordinate(self, value: float) -> float:
         """The converse of `value`."""
-        return (float(np.log1p(value)) if self.kind in (Kind.MODULUS, Kind.MASS) else value) / self.scale
+        relative = self.kind in (Kind.MODULUS, Kind.MASS)
+        return (float(np.log1p(value)) if relative else value - self.nominal) / self.scale
 
 
 def uncertain(unknowns: Sequence[FitParameter]) -> np.ndarray:

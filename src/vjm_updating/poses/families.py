@@ -18,7 +18,7 @@ from vjm_updating.inference.parameters import FitParameter
 from vjm_updating.poses.machine import ACROSS, OWN, RIGID, PoseMachine
 from vjm_updating.poses.measurement import PoseData
 
-VALUE, COMPLIANCE, FACTOR, MASS, DRIFT, STRETCH = "value", "compliance", "factor", "mass", "drift", "stretch"
+VALUE, COMPLIANCE, FACTOR, MASS, DRIFT, STRETCH = "value", "compliance", "factor", "weight", "drift", "stretch"
 """What a member acts on."""
 LOAD, DISPLACEMENT = "load", "displacement"
 """The same of zeros: of a point's wrench, and of a marker's displacement. The index is 6 times the number of the
@@ -46,7 +46,6 @@ class FamilyParameter(FitParameter):
         index: one-degree joint, first coordinate, load or axis that it acts on.
         unit: of its value.
         basis: ``(g,)`` function of the posture that it multiplies; None: one.
-        nominal: value that the model gives it.
     """
 
     sigma: float = np.inf
@@ -55,19 +54,6 @@ class FamilyParameter(FitParameter):
     index: int
     unit: str
     basis: Array | None = None
-    nominal: float = 0.0
-
-    def value(self, z: float) -> float:
-        """In its unit."""
-        return self.nominal + self.scale * z
-
-    def slope(self, z: float) -> float:
-        """Derivative of the value by z."""
-        return self.scale
-
-    def coordinate(self, value: float) -> float:
-        """The converse of `value`."""
-        return (value - self.nominal) / self.scale
 
 
 LARGEST_COMPLIANCE = {
