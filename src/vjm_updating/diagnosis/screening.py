@@ -250,10 +250,10 @@ def _scaled(signature: Signature, amplitude: float) -> tuple[float, ...]:
     return tuple(values)
 
 
-def threshold(ranking: Sequence[Score], rate: float = FALSE_ALARMS) -> float:
-    """p-value that the least of all effects falls below at a rate where nothing is wrong."""
+def threshold(ranking: Sequence[Score]) -> float:
+    """p-value that the least of all effects falls below with `FALSE_ALARMS` where nothing is wrong."""
     if not ranking:
-        return rate
+        return FALSE_ALARMS
     directions = np.column_stack([score.directions for score in ranking])
     rng = np.random.default_rng(SEED)
     # the directions overlap: noise is drawn in the space that they span
@@ -267,10 +267,10 @@ def threshold(ranking: Sequence[Score], rate: float = FALSE_ALARMS) -> float:
         own = draws[:, column : column + score.cone.dimension].T
         squares = score.cone.explained(own)
         # what is not rare for one effect is no least of all
-        rare = squares >= np.quantile(squares, 1.0 - RARE * rate)
+        rare = squares >= np.quantile(squares, 1.0 - RARE * FALSE_ALARMS)
         least[rare] = np.minimum(least[rare], score.cone.p_value(squares[rare]))
         column += score.cone.dimension
-    return float(np.quantile(least, rate))
+    return float(np.quantile(least, FALSE_ALARMS))
 
 
 def best_pairs(space: Projection, ranking: Sequence[Score], count: int) -> list[tuple[Score, Score, float]]:
