@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import assert_never
 
@@ -16,6 +17,7 @@ from vjm_updating.data_set import DataSet, as_joint_test, together
 from vjm_updating.diagnosis.document import Diagnosis
 from vjm_updating.diagnosis.run import diagnose_ramps
 from vjm_updating.experiment import Measurement
+from vjm_updating.experiment.mistakes import DIAGNOSED, TAKEN_BY_FORCE, refuse_mistaken
 from vjm_updating.frequencies.calibration import calibrate_frequencies
 from vjm_updating.frequencies.measurement import FrequencyMeasurement
 from vjm_updating.mechanisms.catalogue import Maker
@@ -74,6 +76,7 @@ def diagnose(
     made_of = made_of.reading({f"effects {file.name}": digest(file.read_bytes()) for file in map(_source, effects)})
     made_of = _beside(made_of, beside)
     test = data.test if effects or beside else _as_it_is(data.test)
+    considered = _considered(replace(data, test=test), warn, strict=strict)
     match test:
         case FrequencyMeasurement():
             raise ValueError(
@@ -88,15 +91,13 @@ def diagnose(
                     f"{data.sheet}: --beside takes a test of the same kind: {beside[0].sheet} is another"
                 )
             return diagnose_ramps(
-                test, effects=effects, only=only, without=without, beside=second, strict=strict, warn=warn,
-                progress=progress,
-            ).stamped(made_of)  # fmt: skip
+                test, considered, effects=effects, only=only, without=without, beside=second, progress=progress
+            ).stamped(made_of)
         case PreparedTest():
             _refuse(data, effects, f"--effects is for ramps, and this is {KINDS[data.kind]}")
             return diagnose_poses(
-                test, only=only, without=without, beside=_series(data, beside), strict=strict, warn=warn,
-                progress=progress,
-            ).stamped(made_of)  # fmt: skip
+                test, considered, only=only, without=without, beside=_series(data, beside), progress=progress
+            ).stamped(made_of)
         case _:
             assert_never(test)
 
@@ -155,38 +156,55 @@ def calibrate(
         _refuse(data, wrong, f"{option} is for calibrations by poses or deflections: leave it out")
     asked_more = fit or next_tests or figure or asked or beside
     test = data.test if asked_more else _as_it_is(data.test)
+    considered = _considered(replace(data, test=test), warn, strict=strict, force=force)
     match test:
         case FrequencyMeasurement():
             _refuse(data, next_tests or figure, "is a test of frequencies: leave --next and --figure out")
-            return calibrate_frequencies(
-                test, fit=fit, force=force, strict=strict, warn=warn, progress=progress
-            ).stamped(made_of)
+            return calibrate_frequencies(test, considered, fit=fit, force=force, progress=progress).stamped(made_of)
         case Measurement() if test.sheet.kind == JOINT:
             why = (
                 "is a test of one joint: stiffness, hardening, backlash and friction are looked for; leave --fit, "
                 "--next and --figure out"
             )
             _refuse(data, fit or next_tests or figure, why)
-            joint = calibrate_joint(test, force=force, strict=strict, warn=warn, progress=progress)
-            return joint.stamped(made_of)
+            return calibrate_joint(test, considered, force=force, progress=progress).stamped(made_of)
         case Measurement():
             return calibrate_ramps(
-                test, fit=fit, ramps=next_tests, figure=figure, force=force, strict=strict, warn=warn,
-                progress=progress,
-            ).stamped(made_of)  # fmt: skip
+                test, considered, fit=fit, ramps=next_tests, figure=figure, force=force, progress=progress
+            ).stamped(made_of)
         case PreparedTest():
             why = f"is {KINDS[data.kind]}, which has no --figure, and --next takes one CSV file"
             _refuse(data, figure or len(next_tests) > 1, why)
             candidates = Path(next_tests[0]) if next_tests else None
             poses = calibrate_poses(
-                test, families=fit, candidates=candidates, asked=asked, beside=_series(data, beside),
-                force=force, strict=strict, warn=warn, progress=progress,
+                test, considered, families=fit, candidates=candidates, asked=asked, beside=_series(data, beside),
+                force=force, progress=progress,
             )  # fmt: skip
             if candidates is not None:
                 made_of = made_of.reading({f"next {candidates.name}": digest(candidates.read_bytes())})
             return poses.stamped(made_of)
         case _:
             assert_never(test)
+
+
+def _considered(
+    data: DataSet, warn: Callable[[Sequence[Finding]], None], *, strict: bool, force: bool = True
+) -> Callable[[], list[Finding]]:
+    """What looks at a test of any kind before anything is fitted, and tells what is implausible about it.
+
+    A kind of test calls it once the names that it was given are known to be right. Without ``force`` columns that
+    are not what they say are refused: a machine that fits them is another one.
+    """
+
+    def considered() -> list[Finding]:
+        findings = data.considered(strict=strict)
+        if not force:
+            diagnosed = () if isinstance(data.test, FrequencyMeasurement) else (DIAGNOSED,)
+            refuse_mistaken(findings, *diagnosed, TAKEN_BY_FORCE)
+        warn(findings)
+        return findings
+
+    return considered
 
 
 def _refuse(data: DataSet, given: object, why: str) -> None:

@@ -133,9 +133,22 @@ def marked(text: str, reasons: Sequence[str], within: Mapping[str, Sequence[floa
     return head + toml_text(document)
 
 
-def not_for_use(reasons: Iterable[str]) -> list[str]:
-    """Lines for the head of a model file that is written by force."""
-    return [f"Not for use: {reason}; see calibration.json." for reason in reasons]
+def model_files(
+    texts: Mapping[str, str], reasons: Sequence[str], within: Mapping[str, Sequence[float]] | None = None,
+    notes: Sequence[str] = (), *, force: bool = False,
+) -> dict[str, str]:  # fmt: skip
+    """Texts of model files by name, TOML or XML, with what is said of them at their heads.
+
+    For ``reasons`` and ``within`` see `marked`; ``notes`` are further lines. What is not for use is empty, unless
+    it is written by ``force``.
+    """
+    if reasons and not force:
+        return dict.fromkeys(texts, "")
+    said = [*(f"Not for use: {reason}; see calibration.json." for reason in reasons), *notes]
+    return {
+        name: marked(comments(said) + text, reasons, within) if name.endswith(".toml") else xml_comments(said, text)
+        for name, text in texts.items()
+    }
 
 
 def xml_comments(lines: Iterable[str], text: str) -> str:

@@ -9,7 +9,7 @@ is known no better than the cell's scale.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -23,7 +23,6 @@ from vjm_updating.calibration.calibrated_model import extended_document, model_t
 from vjm_updating.calibration.document import Calibration, IdentifiabilityRow, ParameterRow
 from vjm_updating.calibration.fit import MISFIT, Solution, spread_of
 from vjm_updating.calibration.run import (
-    accepted,
     beyond_tolerance,
     finished,
     fit_row,
@@ -70,17 +69,18 @@ class JointSolution(Solution):
 
 def calibrate_joint(
     measurement: Measurement,
+    considered: Callable[[], list[Finding]],
     *,
     force: bool = False,
-    strict: bool = False,
-    warn: Callable[[Sequence[Finding]], None] = lambda _: None,
     progress: Callable[[str], None] = lambda _: None,
 ) -> CalibrationResult[Calibration]:
-    """Calibrate a joint by a sheet of ``kind = "joint"``; arguments and errors as of `vjm_updating.calibrate`."""
-    findings = accepted(measurement, strict=strict, force=force)
+    """Calibrate a joint by a sheet of ``kind = "joint"``; arguments and errors as of `vjm_updating.calibrate`.
+
+    ``considered`` says what is implausible about the test.
+    """
+    findings = considered()
     kind = JointTest()
     observed = kind.observe(measurement)
-    warn(findings)
     progress("the nominal joint")
     prepared = prepare(observed)
     progress("spring, backlash and friction")

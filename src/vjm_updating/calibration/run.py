@@ -18,7 +18,7 @@ from vjm.rotations import Array
 from vjm_output.documents import doubt_rows, versions
 from vjm_updating.calibration import design
 from vjm_updating.calibration import design as carried
-from vjm_updating.calibration.calibrated_model import calibrated_text, comments, marked, not_for_use
+from vjm_updating.calibration.calibrated_model import calibrated_text, model_files
 from vjm_updating.calibration.design import Predicted, parsed_ramps
 from vjm_updating.calibration.document import (
     Calibration,
@@ -50,8 +50,7 @@ from vjm_updating.calibration.parameters import MATRIX
 from vjm_updating.constants import definition, numerical, shown
 from vjm_updating.experiment import Kind, Measurement
 from vjm_updating.experiment.data_file import unit_of
-from vjm_updating.experiment.mistakes import DIAGNOSED, TAKEN_BY_FORCE, columns_mistaken, refuse_mistaken
-from vjm_updating.experiment.plausibility import considered
+from vjm_updating.experiment.mistakes import columns_mistaken
 from vjm_updating.inference.parameters import FitParameter
 from vjm_updating.inference.significance import NORMAL_95, more_than_noise
 from vjm_updating.result import CALIBRATED, CalibrationResult
@@ -453,30 +452,27 @@ MISSES, MISTAKEN = "it does not explain its own readings", "its readings are mis
 
 def calibrate_ramps(
     measurement: Measurement,
+    considered: Callable[[], list[Finding]],
     *,
     fit: Sequence[str] = (),
     ramps: Sequence[str] = (),
     figure: str = "",
     force: bool = False,
-    strict: bool = False,
-    warn: Callable[[Sequence[Finding]], None] = lambda _: None,
     progress: Callable[[str], None] = lambda _: None,
 ) -> CalibrationResult[Calibration]:
     """Calibrate a machine by ramps; arguments and errors as of `vjm_updating.calibrate`.
 
     Args:
         measurement: the test.
+        considered: says what is implausible about it.
         fit: parameters, see `vjm_updating.calibration.parameters.unknowns`.
         ramps: feasible next experiments, see `vjm_updating.calibration.design.parsed_ramps`.
         figure: that the next experiment is to make certain, see `vjm_updating.calibration.design.in_view`.
-        force: whether a model is written that is not for use, see `finished`, and mistaken columns are taken.
-        strict: whether doubtful readings are refused.
-        warn: told what is implausible, before anything is fitted.
+        force: whether a model is written that is not for use, see `finished`.
         progress: told what is being done.
     """
     problem, feasible = problem_of(measurement, fit), tuple(parsed_ramps(ramps, measurement.chain))
-    findings = accepted(measurement, strict=strict, force=force)
-    warn(findings)
+    findings = considered()
     progress("fit")
     solution = distinguishable_solution(problem, solve)
     progress("uncertainty and predictions")
@@ -492,18 +488,6 @@ def calibrate_ramps(
     return finished(document, model, findings, force=force, page=page)
 
 
-def accepted(measurement: Measurement, *, strict: bool, force: bool) -> list[Finding]:
-    """What is implausible about a test that a machine may be calibrated by.
-
-    Raises:
-        ImplausibleError: it is refused for that, or its columns are not what they say and nobody says ``force``.
-    """
-    findings = considered(measurement, strict=strict)
-    if not force:
-        refuse_mistaken(findings, DIAGNOSED, TAKEN_BY_FORCE)
-    return findings
-
-
 def finished(
     document: Calibration,
     model: str,
@@ -514,8 +498,8 @@ def finished(
 ) -> CalibrationResult[Calibration]:
     """A calibration with what is doubted, and whether its model is for use, and is written.
 
-    It is not for use where it misses its own readings, or where columns are not what they say, which `accepted`
-    takes by force alone: a machine that fits them is another one.
+    It is not for use where it misses its own readings, or where columns are not what they say, which are taken by
+    force alone: a machine that fits them is another one.
 
     Args:
         document: what was found.
@@ -527,10 +511,9 @@ def finished(
     unfit = [] if document.fit.fits else [MISSES]
     unfit += [f"{MISTAKEN}: {one}" for one in columns_mistaken(findings)]
     changed = {"doubts": doubt_rows(findings), "unfit": unfit}
-    written = force or not unfit
-    final = document.model_copy(update=changed if written else changed | {"calibrated_model": ""})
-    text = marked(comments(not_for_use(unfit)) + model, unfit)
-    return CalibrationResult(final, {CALIBRATED: text if written else ""}, page)
+    models = model_files({CALIBRATED: model}, unfit, force=force)
+    final = document.model_copy(update=changed if models[CALIBRATED] else changed | {"calibrated_model": ""})
+    return CalibrationResult(final, models, page)
 
 
 def distinguishable_solution(

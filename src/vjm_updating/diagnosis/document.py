@@ -157,6 +157,19 @@ def by_hypotheses(hypotheses: Sequence[PosteriorSample]) -> tuple[dict[str, floa
     return p, places
 
 
+def shares_of(explained: float, lost: Mapping[str, float]) -> dict[str, float]:
+    """Share of what the nominal model misses by cause: as each is missed, of all that they explain together.
+
+    Together they have ``explained`` of it. Without a cause so much more is left as ``lost`` says, in any unit.
+
+    Example:
+        >>> shares_of(0.8, {"a": 3.0, "b": 1.0})
+        {'a': 0.6000000000000001, 'b': 0.2}
+    """
+    together = sum(lost.values())
+    return {cause: explained * part / together if together > 0.0 else 0.0 for cause, part in lost.items()}
+
+
 def findings_of(
     probability: Mapping[str, float],
     shares: Mapping[str, float],

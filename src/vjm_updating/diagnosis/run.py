@@ -41,7 +41,6 @@ from vjm_updating.diagnosis.verdict import Verdict, judge, proved, withdrawn
 from vjm_updating.experiment import Measurement
 from vjm_updating.experiment.data_file import WRENCH
 from vjm_updating.experiment.mistakes import TITLES, Mistake, corrected, mistakes_of
-from vjm_updating.experiment.plausibility import considered
 from vjm_updating.inference.fitting import Fit, LeastSquaresProblem
 from vjm_updating.inference.forward import Predictor
 from vjm_updating.inference.model_error import driven_place, loading
@@ -272,23 +271,22 @@ SHOWN = shown(12)
 
 def diagnose_ramps(
     measurement: Measurement,
+    considered: Callable[[], list[Finding]],
     *,
     effects: Sequence[Path | Maker] = (),
     only: Sequence[str] = (),
     without: Sequence[str] = (),
     beside: Measurement | None = None,
-    strict: bool = False,
-    warn: Callable[[Sequence[Finding]], None] = lambda _: None,
     progress: Callable[[str], None] = lambda _: None,
 ) -> DiagnosisResult[Diagnosis]:
     """Diagnose a test of ramps, of a column, by loads or of a joint; arguments as of `vjm_updating.diagnose`.
 
-    Here ``beside`` is a test of another specimen, of which is said what the findings are worth there. Errors are as
-    of that function.
+    Here ``beside`` is a test of another specimen, of which is said what the findings are worth there, and
+    ``considered`` says what is implausible about this one. Errors are as of that function.
     """
     begun = time.perf_counter()
     more = [plug_in(one) if isinstance(one, Path) else one for one in effects]
-    findings = considered(measurement, strict=strict)
+    findings = considered()
     mistakes = mistakes_of(findings)
     measurement = corrected(measurement, mistakes)
     kind = kind_of(measurement)
@@ -302,7 +300,6 @@ def diagnose_ramps(
         )
     observed = kind.observe(measurement)
     possible(kind.effects(observed, more), only, without)
-    warn(findings)
     progress("the nominal model")
     prepared = prepare(observed, more, only=only, without=without)
     search = _search(prepared, kind, progress)

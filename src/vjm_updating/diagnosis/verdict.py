@@ -19,6 +19,7 @@ from vjm_updating.diagnosis.document import (
     credible,
     findings_of,
     groups_of,
+    shares_of,
 )
 from vjm_updating.diagnosis.evidence import ScoredModel
 from vjm_updating.diagnosis.screening import Projection
@@ -372,9 +373,7 @@ def _shares(ranked: ScoredModel, squares: Mapping[frozenset[str], float], missed
         if less not in squares:
             return {}
         lost[effect.cause] = lost.get(effect.cause, 0.0) + max(squares[less] - squares[ranked.labels], 0.0)
-    together = sum(lost.values())
-    explained = _explained(squares[ranked.labels], squares, missed)
-    return {cause: explained * part / together if together > 0.0 else 0.0 for cause, part in lost.items()}
+    return shares_of(_explained(squares[ranked.labels], squares, missed), lost)
 
 
 def _settled(search: Search, best: ScoredModel, strange: float) -> ScoredModel:

@@ -38,10 +38,8 @@ from vjm_updating.calibration.run import (
 )
 from vjm_updating.constants import numerical, stated_level
 from vjm_updating.experiment.comparison import Ray
-from vjm_updating.experiment.mistakes import TAKEN_BY_FORCE, refuse_mistaken
 from vjm_updating.frequencies.forward import FrequencyForward, pairings, probability, skipping, unlikeliness
 from vjm_updating.frequencies.measurement import FrequencyMeasurement
-from vjm_updating.frequencies.plausibility import considered
 from vjm_updating.inference.fitting import Fit, LeastSquaresProblem, best_fit, whitening_of
 from vjm_updating.inference.noise import Noise
 from vjm_updating.inference.observed import Observed
@@ -199,11 +197,12 @@ SURE = stated_level(0.95)
 
 
 def calibrate_frequencies(
-    measurement: FrequencyMeasurement, *, fit: Sequence[str] = (), force: bool = False, strict: bool = False,
-    warn: Callable[[Sequence[Finding]], None] = lambda _: None,
-    progress: Callable[[str], None] = lambda _: None,
+    measurement: FrequencyMeasurement, considered: Callable[[], list[Finding]], *, fit: Sequence[str] = (),
+    force: bool = False, progress: Callable[[str], None] = lambda _: None,
 ) -> CalibrationResult[Calibration]:  # fmt: skip
-    """Calibrate a machine by its natural frequencies; see `vjm_updating.calibrate`, whose arguments these are.
+    """Calibrate a machine by its natural frequencies; arguments as of `vjm_updating.calibrate`.
+
+    ``considered`` says what is implausible about the test.
 
     Raises:
         ValueError: a parameter means nothing, there are too few readings, or the calibrated machine is none that
@@ -211,10 +210,7 @@ def calibrate_frequencies(
         vjm.errors.NoConvergenceError: the machine has no stable equilibrium in a posture, or too few modes.
     """
     problem = _problem_of(measurement, fit)
-    findings = considered(measurement, strict=strict)
-    if not force:
-        refuse_mistaken(findings, TAKEN_BY_FORCE)
-    warn(findings)
+    findings = considered()
     progress("fit and pairing")
     solution = distinguishable_solution(problem, lambda one: solve(measurement, one))
     progress("uncertainty")

@@ -327,8 +327,6 @@ class PoseDiagnosis(PoseCalibration):
     selection: list[SelectionRow] = Field(description="steps of the stepwise selection, from the first to the last")
     contrasts_before: list[PoseContrastRow]
     contrasts_after: list[PoseContrastRow]
-    shared_correlation_before: list[float] = Field(description="of the first two markers' residuals, by axis")
-    shared_correlation_after: list[float]
     remainder: RemainderRow
     next: str
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from itertools import product
 from pathlib import Path
@@ -16,10 +16,10 @@ from vjm.io.findings import Finding, Grade
 from vjm.model.machine import Machine
 from vjm.rotations import Array, rotation_vector
 from vjm_output.documents import VersionRow, doubt_rows
-from vjm_updating.calibration.calibrated_model import comments, marked, not_for_use, xml_comments
+from vjm_updating.calibration.calibrated_model import model_files
 from vjm_updating.constants import shown
-from vjm_updating.diagnosis.document import FindingsRow, by_hypotheses, findings_of, groups_of
-from vjm_updating.experiment.mistakes import DIAGNOSED, TAKEN_BY_FORCE, columns_mistaken, refuse_mistaken
+from vjm_updating.diagnosis.document import FindingsRow, by_hypotheses, findings_of, groups_of, shares_of
+from vjm_updating.experiment.mistakes import columns_mistaken
 from vjm_updating.inference.significance import Worth, paired_gain
 from vjm_updating.poses import document as rows
 from vjm_updating.poses.changes import ChangePoint, cut, found_changes
@@ -43,10 +43,8 @@ from vjm_updating.poses.study import OUTLIER, SeriesStudy, Study, couplings
 from vjm_updating.poses.verdict import (
     NEXT,
     PoseVerdict,
-    at_bounds,
     contrasts,
-    correlations,
-    drifted,
+    doubts_of_fit,
     judge,
     missing_more,
     remainder_of,
@@ -167,15 +165,14 @@ def pose_findings(selection: Selection, verdict: PoseVerdict) -> FindingsRow:
     for name in verdict.causes:
         errors = study.tried(state, state.hypothesis.minus(name))[1]
         missed[name] = max(sum(errors.judged) - sum(state.errors.judged), 0.0)
-    explained, together = max(verdict.explained, 0.0), sum(missed.values())
+    explained = max(verdict.explained, 0.0)
     return findings_of(
-        probability, {name: explained * m / together if together else 0.0 for name, m in missed.items()},
-        groups_of(verdict.weighed), explained=explained, left=verdict.remainder.over_noise,
-        more_than_noise=verdict.remainder.significant, trusted=verdict.kind != "unknown",
+        probability, shares_of(explained, missed), groups_of(verdict.weighed), explained=explained,
+        left=verdict.remainder.over_noise, more_than_noise=verdict.remainder.significant,
+        trusted=verdict.kind != "unknown",
     )  # fmt: skip
 
 
-URDF, MJCF = "calibrated.urdf", "calibrated.xml"
 USUAL = ("frame_error", "actuator_compliance")
 """Families of a calibration that names none."""
 UNNEEDED = "the readings are as probable without it"
@@ -210,12 +207,13 @@ def _chosen(study: Study, only: Sequence[str], without: Sequence[str]) -> list[s
 
 
 def diagnose_poses(
-    test: PreparedTest, *, only: Sequence[str] = (), without: Sequence[str] = (),
-    beside: Sequence[PreparedTest] = (), strict: bool = False,
-    warn: Callable[[Sequence[Finding]], None] = lambda _: None,
+    test: PreparedTest, considered: Callable[[], list[Finding]], *, only: Sequence[str] = (),
+    without: Sequence[str] = (), beside: Sequence[PreparedTest] = (),
     progress: Callable[[str], None] = lambda _: None,
 ) -> DiagnosisResult[rows.PoseDiagnosis]:  # fmt: skip
-    """Diagnose a test of poses or deflections; see `vjm_updating.diagnose`, whose arguments these are.
+    """Diagnose a test of poses or deflections; arguments as of `vjm_updating.diagnose`.
+
+    ``considered`` says what is implausible about the test.
 
     Raises:
         ValueError: a name cannot be used; one line.
@@ -224,9 +222,8 @@ def diagnose_poses(
     begun = time.perf_counter()
     measurement, study = test.measurement, test.study
     names = _chosen(study, only, without)
-    findings = test.considered(strict)
     series = series_beside([other.study for other in beside], study)
-    warn(findings)
+    findings = considered()
     # what is fitted to columns that are not what they say means nothing
     doubtful = bool(columns_mistaken(findings))
     selection = select_families(study, [] if doubtful else names, progress, series)
@@ -260,26 +257,23 @@ def diagnose_poses(
         selection=[_selection_row(step) for step in steps],
         contrasts_before=contrasts(study, first)[:SHOWN],
         contrasts_after=contrasts(study, last)[:SHOWN],
-        shared_correlation_before=correlations(study, first),
-        shared_correlation_after=correlations(study, last),
         remainder=verdict.remainder,
         next=NEXT["surer"] if verdict.next == NEXT["none"] and common["next_postures"] else verdict.next,
     )  # fmt: skip
     progress("report")
-    return DiagnosisResult(
-        diagnosis, _models(EXTENDED, model, model.refusals), _page(measurement.sheet, study, steps, model.support)
-    )
+    models = model_files(model.texts(EXTENDED), [str(one) for one in model.refusals])
+    return DiagnosisResult(diagnosis, models, _page(measurement.sheet, study, steps, model.support))
 
 
 def calibrate_poses(
-    test: PreparedTest, *, families: Sequence[str] = (), candidates: Path | None = None,
-    asked: str | Path = "", beside: Sequence[PreparedTest] = (), force: bool = False, strict: bool = False,
-    warn: Callable[[Sequence[Finding]], None] = lambda _: None,
-    progress: Callable[[str], None] = lambda _: None,
+    test: PreparedTest, considered: Callable[[], list[Finding]], *, families: Sequence[str] = (),
+    candidates: Path | None = None, asked: str | Path = "", beside: Sequence[PreparedTest] = (),
+    force: bool = False, progress: Callable[[str], None] = lambda _: None,
 ) -> CalibrationResult[rows.PoseCalibration]:  # fmt: skip
     """Calibrate a robot by a test with chosen families, else `USUAL`; see `vjm_updating.calibrate`.
 
-    Its ``fit`` is ``families`` here, its ``next_tests`` ``candidates``; other arguments are the same.
+    Its ``fit`` is ``families`` here, its ``next_tests`` ``candidates``; other arguments are the same, and
+    ``considered`` says what is implausible about the test.
 
     Raises:
         ValueError: a name cannot be used; one line.
@@ -288,11 +282,8 @@ def calibrate_poses(
     begun = time.perf_counter()
     measurement, study = test.measurement, test.study
     chosen = _chosen(study, families or [name for name in USUAL if name in study.families], ())
-    findings = test.considered(strict)
-    if not force:
-        refuse_mistaken(findings, DIAGNOSED, TAKEN_BY_FORCE)
     series = series_beside([other.study for other in beside], study)
-    warn(findings)
+    findings = considered()
     hypothesis, first, last = _fitted(study, chosen, progress)
     progress("changes in the course of the series")
     stepped = found_changes(study, last)
@@ -321,7 +312,7 @@ def calibrate_poses(
     }
     compared, fitted = halves(study, last, members), study is not whole
     said = [*findings, *_short(short, measurement), *(said_of(one, fitted=fitted) for one in stepped)]
-    said += [*drifted(study, compared), *at_bounds(study, members), *model.refusals]
+    said += [*doubts_of_fit(study, last, compared, members), *model.refusals]
     calibration = rows.PoseCalibration(
         **common
         | {
@@ -334,24 +325,8 @@ def calibrate_poses(
         }
     )
     progress("report")
-    models = _models(CALIBRATED, model, refused, within, force=force)
+    models = model_files(model.texts(CALIBRATED), refused, within, within_words(within), force=force)
     return CalibrationResult(calibration, models, _page(measurement.sheet, study, steps, model.support))
-
-
-def _models(
-    name: str, model: Written, refused: Sequence[object], within: Mapping[str, tuple[float, float]] | None = None,
-    *, force: bool = False,
-) -> dict[str, str]:  # fmt: skip
-    """The model files by name, with what is said of them; empty where the model is not for use, but by force."""
-    if refused and not force:
-        return dict.fromkeys((name, URDF, MJCF), "")
-    reasons_ = [*map(str, refused)]
-    said = [*not_for_use(reasons_), *within_words(within or {})]
-    return {
-        name: marked(comments(said) + model.text, reasons_, within),
-        URDF: xml_comments(said, model.urdf),
-        MJCF: xml_comments(said, model.mjcf),
-    }
 
 
 def _page(

@@ -151,17 +151,6 @@ def shared(study: Study, state: FittedState) -> PoseContrastRow:
     return PoseContrastRow(name=name, kind="shared", share=beyond, significance=significance)
 
 
-def correlations(study: Study, state: FittedState) -> list[float]:
-    """Correlation of the first two markers' residuals along each axis of the tracker, ``(3,)``."""
-    if len(study.data.markers) < 2:
-        return []
-    a, b = state.linearised.residual[:, 0, :3], state.linearised.residual[:, 1, :3]
-    both = np.isfinite(a).all(axis=1) & np.isfinite(b).all(axis=1)
-    if both.sum() < 3:
-        return []
-    return [float(np.corrcoef(a[both, i], b[both, i])[0, 1]) for i in range(3)]
-
-
 NO_LAWS = ("drift", "shared")
 """Kinds of the residual that are of no law: what carries the markers, or a change in the course of the file."""
 CONTRADICTS = ("one side", "torque")
@@ -273,8 +262,7 @@ def judge(
     said = [*findings]
     said += stepped
     if jumped is None and not doubtful:
-        reversed_ = list(weight_reversed(study, last))
-        said += [*reversed_, *drifted(study, compared), *(at_bounds(study, members) if not reversed_ else ())]
+        said += doubts_of_fit(study, last, compared, members)
     if follows == "none" and any(set(one.places) - set(causes) for one in weighed if one.probability > 1.0 - SURE):
         follows = "open"
     doing = NEXT["data"] if doubtful else NEXT["class" if kind == "class" else follows]
@@ -283,7 +271,19 @@ def judge(
     )
 
 
-def drifted(study: Study, compared: HalvesRow | None) -> Iterator[Finding]:
+def doubts_of_fit(
+    study: Study, state: FittedState, compared: HalvesRow | None, members: Sequence[MemberRow]
+) -> list[Finding]:
+    """What a fit says against the data or the model.
+
+    Joints deflect against the weight, or else members are at their bounds; and halves of the file, ``compared``,
+    differ.
+    """
+    turned = list(weight_reversed(study, state))
+    return [*turned, *_drifted(study, compared), *(() if turned else at_bounds(study, members))]
+
+
+def _drifted(study: Study, compared: HalvesRow | None) -> Iterator[Finding]:
     """Halves of the file that differ by more than random ones."""
     if compared is None or not compared.differ:
         return

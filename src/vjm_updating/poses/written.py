@@ -54,6 +54,7 @@ from vjm_updating.poses.study import Study
 
 SMALLEST = physical_bound(10.0 * RIGID)
 """rad/(N mm): a smaller compliance is written as none."""
+URDF, MJCF = "calibrated.urdf", "calibrated.xml"
 NO_WORD = (*SECOND, "link_compliance")
 """Families for which a model file has no word."""
 
@@ -229,6 +230,10 @@ class Written:
     refusals: tuple[Finding, ...]
     at_bound: tuple[str, ...]
     support: RangeSupport | None
+
+    def texts(self, name: str) -> dict[str, str]:
+        """The model files by name, of which the one in TOML is given."""
+        return {name: self.text, URDF: self.urdf, MJCF: self.mjcf}
 
 
 def written(

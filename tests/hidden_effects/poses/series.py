@@ -121,8 +121,7 @@ def run(seed: int, folder: Path, count: int | None = None, families: tuple[str, 
     ]
     kept_back = series(robot, shared, folder, "new", rng)
     # mistakes of data are not asked for: none are made, and this takes half of the time
-    test = replace(together([read_test(*files[:2]) for files in made]), considered=lambda strict: [])
-    result = calibrate_poses(test, families=families)
+    result = calibrate_poses(together([read_test(*files[:2]) for files in made]), list, families=families)
     found = result.figures
     text, worth = result.models["calibrated-model.toml"], ""
     if text:
