@@ -146,8 +146,8 @@ def with_mistakes(document: Diagnosis, mistakes: Sequence[Mistake]) -> Diagnosis
     causes = sorted({mistake.cause for mistake in mistakes})
     parameters: dict[str, ValueRow | str] = {}
     for mistake in mistakes:
-        if mistake.exchanged:
-            parameters[f"{mistake.cause}.columns"] = " and ".join(mistake.exchanged)
+        if mistake.order:
+            parameters[f"{mistake.cause}.columns"] = " and ".join(mistake.order)
         for name, value in mistake.parameters.items():
             parameters[name] = ValueRow(value=value, std=0.0, interval95=[value, value])
     findings = document.findings

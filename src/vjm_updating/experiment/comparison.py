@@ -18,7 +18,7 @@ from vjm.rotations import Array
 from vjm_updating.constants import numerical, physical_bound, prior_scale, stated_level
 from vjm_updating.experiment.data_file import EFFORT, MOTION, POSE, WRENCH, split_point, unit_of
 from vjm_updating.experiment.measured import Measurement
-from vjm_updating.experiment.mistakes import RIGHT, Mistake
+from vjm_updating.experiment.mistakes import RIGHT, UNITS, Mistake
 from vjm_updating.inference.significance import level
 from vjm_updating.mechanisms.equilibrium_tables import Gauge, HalfRay, PathTable, load_table, tabulate
 from vjm_updating.mechanisms.modified_chain import ModifiedMachine
@@ -149,6 +149,28 @@ class Comparison(ABC):
 def machines(factor: float) -> bool:
     """Whether a machine may show so many times what its model predicts."""
     return factor > 0.0 and abs(np.log(factor)) < DIFFERS
+
+
+def thousandfold(ratio: Sequence[float]) -> bool:
+    """Whether what is so many times its prediction is a machine's but for a factor of a thousand."""
+    return any(all(machines(abs(r) * by) for r in ratio) for by in (1e3, 1e-3))
+
+
+def units_between(ratio: Sequence[float], read: str, imposed: str = "") -> dict[str, str]:
+    """By the words of `UNITS` the column that in this unit makes such multiples of the prediction a machine's."""
+    return {
+        words: name
+        for name, sign in ((read, 1), (imposed, -1))
+        for words, factor, names in UNITS
+        if split_point(name)[1] in names and all(machines(abs(r) * factor**sign) for r in ratio)
+    }
+
+
+def instead(words: str, column: str, what: str) -> str:
+    """``ux_mm in m instead of mm``."""
+    own, unit = unit_of(column).replace("Nmm", "N mm"), words.partition(" in ")[2]
+    arm = " mm" if own == "N mm" and words.startswith("forces") else ""
+    return f"{what} in {unit}{arm} instead of {own}"
 
 
 def ratio_of(f: Array, g: Array) -> tuple[float, float, float]:

@@ -20,7 +20,17 @@ from vjm.rotations import Array
 from vjm_updating.constants import definition, numerical, physical_bound, prior_scale, stated_level
 from vjm_updating.experiment.comparison import FEW, Comparison
 from vjm_updating.experiment.data_file import EFFORT, POSE, TEMPERATURE, TIME, WRENCH
-from vjm_updating.experiment.mistakes import CLOCK, LEAST_ROWS, ODDS, ColumnsMistaken, Mistake, MistakeFound, rarity
+from vjm_updating.experiment.mistakes import (
+    CLOCK,
+    LEAST_ROWS,
+    ODDS,
+    ColumnsMistaken,
+    Mistake,
+    MistakeFound,
+    rarity,
+    reordered,
+    shifted,
+)
 from vjm_updating.experiment.readings import DEADBAND, Readings, runs
 from vjm_updating.inference.significance import level, median_sigma
 
@@ -172,7 +182,7 @@ def _jump(r: Readings, rows: np.ndarray, usual: float) -> Iterator[Finding]:
         Grade.DOUBTFUL, where,
         f"the clock jumps by {step[k - 1]:.6g} s, {step[k - 1] / usual:.0f} usual steps: a pause, or was it set?",
         Mistake(
-            cause=CLOCK, where=order >= rows[k], shifts={TIME: np.full(len(r), -jump)},
+            cause=CLOCK, where=order >= rows[k], added={TIME: -jump},
             parameters={f"{CLOCK}.jump_s": jump},
         ),
     )  # fmt: skip
@@ -286,8 +296,6 @@ def roughness(r: Readings, name: str) -> float:
     return float(np.median(np.abs(second)) / 0.6745 / np.sqrt(6.0)) if len(second) >= FEW else 0.0
 
 
-FARTHEST_ROWS = numerical(5)
-"""By how many rows readings may stand from where they belong."""
 SLIPS = definition((1e3, 1e-3, 1e2, 1e-2, 10.0, 0.1))
 """What a cell is multiplied by where its decimal point is misplaced."""
 LEAST_NOISE = physical_bound(1e-9)
@@ -674,18 +682,14 @@ def other_order(c: ReadColumns) -> Iterator[Finding]:
     n = len(c)
     if not np.isfinite(c.predicted).any() or n < 2 * FEW:
         return
-    sizes = range(1, min(FARTHEST_ROWS, n - FEW) + 1)
     orders = {
-        f"stands {by} row{'s' if by > 1 else ''} too {way}: is it shifted": np.arange(n) + sign * by
-        for by in sizes
-        for way, sign in (("late", 1), ("early", -1))
+        f"{way.words}: {way.remedy.rstrip(',')}": np.arange(n) + way.rows for way in shifted(n - FEW, "readings")
     }
-    orders["fits in the reverse order: is it reversed, last row first"] = np.arange(n)[::-1]
+    orders["readings_reversed: they fit in the reverse order, last row first"] = np.arange(n)[::-1]
     every = np.ones(n, dtype=bool)
     best: tuple[float, str] | None = None
     for words, order in orders.items():
-        inside = (order >= 0) & (order < n)
-        meant = np.where(inside[:, None], c.read[np.clip(order, 0, n - 1)], np.nan)
+        meant = reordered(c.read, order)
         both = np.isfinite(meant) & np.isfinite(c.read)
         before, after, count = 0.0, 0.0, 0
         for k in range(len(c.names)):
@@ -696,7 +700,7 @@ def other_order(c: ReadColumns) -> Iterator[Finding]:
         if _explains(before, after, count, len(orders)) and (best is None or after / before < best[0]):
             best = after / before, words
     if best is not None:
-        yield c.doubt(f"what was read {best[1]}?", kind=ColumnsMistaken)
+        yield c.doubt(best[1], kind=ColumnsMistaken)
 
 
 def _explains(before: float, after: float, count: int, ways: int) -> bool:

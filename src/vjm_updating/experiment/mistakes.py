@@ -1,12 +1,13 @@
-"""Errors of the instruments that are mistakes, and the readings without them.
+"""How data of any kind of test may be mistaken, the data without a mistake, and which rows most probably have one.
 
-A mistake changes readings by a known operation: a factor between units, a sign, an exchange of two columns, a clock
-that jumped. The other readings are as good as any.
+A mistake changes readings by a known operation: a factor between units, a sign, an exchange of two columns, rows
+that were shifted, a clock that jumped. The other readings are as good as any. Each kind of test says which
+mistakes its columns may have, and how probable its rows are under each.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import combinations
 
@@ -31,14 +32,18 @@ TITLES = {
 
 @dataclass(frozen=True)
 class Mistake:
-    """A way in which readings may be mistaken: a known operation makes them right.
+    """A way in which data may be mistaken: a known operation makes them right.
 
     Attributes:
-        cause: one of `TITLES`; empty for labels of postures.
+        words: what is mistaken, or the mistake's name.
+        cause: one of `TITLES`; empty where no diagnosis undoes it.
+        remedy: what to do, for people.
+        order: by column, the column that its readings stand in.
         factors: by column, what its readings have to be multiplied by.
-        exchanged: two columns that change places.
+        added: by column, what has to be added then.
+        rows: by how many rows what was read stands too late; too early where it is negative.
+        axes: a load's name whose wrench is in the other axes, the base's or the tool's.
         postures: by label, the posture in which the readings were taken.
-        shifts: by column, what has to be added ``(n,)``.
         where: the readings concerned ``(n,)``; none where it was not found.
         parameters: by name, what was found: a factor, or a jump in s.
         others: words of mistakes that are about as probable.
@@ -46,10 +51,13 @@ class Mistake:
 
     words: str = ""
     cause: str = ""
+    remedy: str = ""
+    order: Mapping[str, str] = field(default_factory=dict)
     factors: Mapping[str, float] = field(default_factory=dict)
-    exchanged: tuple[str, ...] = ()
+    added: Mapping[str, float] = field(default_factory=dict)
+    rows: int = 0
+    axes: str = ""
     postures: Mapping[str, str] = field(default_factory=dict)
-    shifts: Mapping[str, Array] = field(default_factory=dict)
     where: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=bool), compare=False)
     parameters: Mapping[str, float] = field(default_factory=dict)
     others: tuple[str, ...] = ()
@@ -57,25 +65,26 @@ class Mistake:
     @property
     def columns(self) -> set[str]:
         """Those that are changed."""
-        return {*self.factors, *self.exchanged, *self.shifts}
+        return {*self.order, *self.factors, *self.added}
 
-    def put_right(self, values: Array, names: tuple[str, ...]) -> Array:
-        """Columns ``(…, m)`` as they were meant: exchanged, then multiplied."""
-        order = list(range(len(names)))
-        if self.exchanged and self.exchanged[0] in names:
-            i, j = (names.index(name) for name in self.exchanged)
-            order[i], order[j] = j, i
-        return values[..., order] * [self.factors.get(name, 1.0) for name in names]
+    def put_right(self, values: Array, names: Sequence[str]) -> Array:
+        """Columns ``(…, m)`` as they were meant: in their order, then multiplied, then added to.
+
+        Example:
+            >>> mistaken = Mistake(order=swapped(("a", "b")), factors={"a": 10.0}, added={"b": 0.5})
+            >>> mistaken.put_right(np.array([1.0, 2.0]), ("a", "b")).tolist()
+            [20.0, 1.5]
+        """
+        order = [names.index(self.order.get(name, name)) for name in names]
+        factors = [self.factors.get(name, 1.0) for name in names]
+        return values[..., order] * factors + [self.added.get(name, 0.0) for name in names]
 
     def corrected(self, readings: Readings) -> Readings:
         """The readings without the mistake."""
         names, rows = tuple(readings.values), self.where
         table = np.column_stack([readings.values[name] for name in names])
         table[rows] = self.put_right(table[rows], names)
-        values = {
-            name: column + rows * self.shifts.get(name, 0.0) for name, column in zip(names, table.T, strict=True)
-        }
-        return replace(readings, values=values)
+        return replace(readings, values=dict(zip(names, table.T, strict=True)))
 
 
 RIGHT = Mistake("right")
@@ -140,10 +149,12 @@ def corrected(measurement: Measurement, mistakes: Iterable[Mistake]) -> Measurem
     return replace(measurement, readings=readings)
 
 
-# --- How readings may be mistaken: what was read is what the machine did, after a known operation -----------------
+# --- How data may be mistaken: what was read is what the machine did, after a known operation ---------------------
 
 TORQUE, FORCE, TURN, SHIFT = EFFORT[0], EFFORT[1], MOTION[0], MOTION[1]
-FORCES, MOMENTS, SHIFTS, TURNS = (*WRENCH[:3], FORCE), (*WRENCH[3:], TORQUE), (*POSE[:3], SHIFT), (*POSE[3:], TURN)
+FORCES, MOMENTS, TURNS = (*WRENCH[:3], FORCE), (*WRENCH[3:], TORQUE), (*POSE[3:], TURN)
+SHIFTS = (*POSE[:3], SHIFT, *(f"{kind}{axis}_mm" for kind in ("", "d") for axis in "xyz"))
+"""Of ramps and loads, of a joint, of a robot's markers."""
 LOADS, MOTIONS = (*WRENCH, *EFFORT), (*POSE, *MOTION)
 LENGTHS = {"cm": 10.0, "inches": 25.4, "m": 1e3, "µm": 1e-3, "mil (0.001 inches)": 0.0254, "feet": 304.8}
 """mm in each unit that lengths may be in by mistake."""
@@ -162,38 +173,98 @@ UNITS = (
     ("torques in N cm", 10.0, MOMENTS),
     *((f"displacements in {unit}", mm, SHIFTS) for unit, mm in LENGTHS.items()),
     ("rotations in degrees", float(np.pi / 180.0), TURNS),
+    ("rotations in mrad", 1e-3, TURNS),
 )
 """What is mistaken, what makes it right by multiplication, and what columns that concerns."""
-SIGNS = (("the sign of the forces", LOADS), ("the sign of the displacements", MOTIONS))
+SIGNS = (("the sign of the forces", -1.0, LOADS), ("the sign of the displacements", -1.0, MOTIONS))
+FARTHEST_ROWS = numerical(5)
+"""By how many rows readings may stand from where they belong."""
+
+
+def multiplied(
+    present: Sequence[str], table: Iterable[tuple[str, float, Collection[str]]], cause: str
+) -> Iterator[Mistake]:
+    """Mistakes of a table such as `UNITS` that concern columns that are there, each once."""
+    told: list[Mistake] = []
+    for words, factor, names in table:
+        one = Mistake(words, cause, factors={name: factor for name in present if split_point(name)[1] in names})
+        if one.factors and one not in told:
+            told.append(one)
+            yield one
+
+
+def swapped(*pairs: tuple[str, str]) -> dict[str, str]:
+    """The order of columns of which each pair changed places."""
+    return {one: other for a, b in pairs for one, other in ((a, b), (b, a))}
+
+
+def axes(
+    name: str, what: str, present: np.ndarray, vectors: Sequence[tuple[str, ...]],
+    axial: Sequence[tuple[str, ...]] = (),
+) -> Iterator[Mistake]:  # fmt: skip
+    """Exchanged, cycled and reversed axes of those present ``(3,)``, of vectors of three columns each.
+
+    An axial vector, such as a moment, turns with the axes, and keeps its sense where they are mirrored.
+    """
+    x, here = "xyz", np.flatnonzero(present).tolist()
+    turned: list[tuple[list[int], Array, str, str]] = []
+    for i, j in combinations(here, 2):
+        order = [{i: j, j: i}.get(k, k) for k in range(3)]
+        turned.append((order, np.ones(3), f"{x[i]}{x[j]}_exchanged", f"exchange {x[i]} and {x[j]} of the"))
+    for order in ([1, 2, 0], [2, 0, 1]) if len(here) == len(x) else ():
+        cycle = [x[i] for i in order]
+        turned.append((order, np.ones(3), "".join(cycle), f"take {', '.join(cycle)} for x, y, z in the"))
+    for i in here:
+        sign = np.where(np.arange(3) == i, -1.0, 1.0)
+        turned.append(([0, 1, 2], sign, f"{x[i]}_reversed", f"reverse {x[i]} of the"))
+    if len(here) > 1:
+        turned.append(([0, 1, 2], -np.ones(3), "reversed", "reverse the sign of the"))
+    for order, sign, words, remedy in turned:
+        mirrored = np.linalg.det(np.eye(3)[:, order] * sign)
+        signs = dict.fromkeys(vectors, sign) | dict.fromkeys(axial, mirrored * sign)
+        yield Mistake(
+            f"{name}.{words}", remedy=f"{remedy} {what}",
+            order={own[k]: own[i] for own in signs for k, i in enumerate(order)},
+            factors={one: float(by) for own, each in signs.items() for one, by in zip(own, each, strict=True)},
+        )  # fmt: skip
+
+
+def shifted(count: int, what: str) -> Iterator[Mistake]:
+    """What was read in so many rows stands some rows from where it belongs."""
+    for by in [sign * size for size in range(1, min(FARTHEST_ROWS, count) + 1) for sign in (-1, 1)]:
+        early = "early: move them down" if by < 0 else "late: move them up"
+        remedy = f"the {what} stand {'one row' if abs(by) == 1 else f'{abs(by)} rows'} too {early},"
+        yield Mistake(f"{what}_shifted.{by}", remedy=remedy, rows=by)
+
+
+def reordered(values: Array, order: np.ndarray) -> Array:
+    """Rows ``(n, …)`` in an order; nan where it names none."""
+    result = values[np.clip(order, 0, len(values) - 1)]
+    result[(order < 0) | (order >= len(values))] = np.nan
+    return result
 
 
 def ways(
     readings: Readings, postures: tuple[str, ...], columns: tuple[tuple[str, ...], tuple[str, ...]] = (POSE, WRENCH)
 ) -> list[Mistake]:
-    """All mistakes that concern columns that are there, those that concern more of them first.
+    """All mistakes of ramps that concern columns that are there, those that concern more of them first.
 
     The machine may have stood in ``postures``; ``columns`` are those of what was imposed, and of what was read.
     """
     present = [name for names in columns for name in names if np.isfinite(readings.values.get(name, np.nan)).any()]
-
-    def only(names: tuple[str, ...], factor: float) -> dict[str, float]:
-        return {name: factor for name in present if split_point(name)[1] in names}
-
-    mistakes = [Mistake(words, UNIT, only(names, factor)) for words, factor, names in UNITS]
-    mistakes += [Mistake(words, SIGN, only(names, -1.0)) for words, names in SIGNS]
+    mistakes = [*multiplied(present, UNITS, UNIT), *multiplied(present, SIGNS, SIGN)]
     mistakes += [
-        Mistake(f"the sign of {name}", SIGN, {name: -1.0})
+        Mistake(f"the sign of {name}", SIGN, factors={name: -1.0})
         for name in sorted(present, key=lambda name: unit_of(name) not in ("N", "Nmm"))
     ]
-    mistakes = [way for k, way in enumerate(mistakes) if way.factors and way not in mistakes[:k]]
     mistakes += [
-        Mistake(f"the columns {a} and {b} exchanged", EXCHANGE, exchanged=(a, b))
+        Mistake(f"the columns {a} and {b} exchanged", EXCHANGE, order=swapped((a, b)))
         for names in columns
         for a, b in combinations([name for name in names if name in present], 2)
     ]
     labels = dict.fromkeys(readings.posture.tolist())
     mistakes += [
-        Mistake(f"{a} labelled instead of {b}", "", postures={a: b}) for a in labels for b in postures if a != b
+        Mistake(f"{a} labelled instead of {b}", postures={a: b}) for a in labels for b in postures if a != b
     ]
     return mistakes
 
@@ -216,22 +287,22 @@ def rarity(ways: int) -> float:
     return float(np.log(max(ways, 1) / MISTAKES))
 
 
-def most_probable(level: Array, rare: float, whole: np.ndarray, step: Step | None = None) -> np.ndarray:
+def most_probable(level: Array, whole: np.ndarray | None = None, step: Step | None = None) -> np.ndarray:
     """The most probable mistake of each row ``(k,)``, by number; between two mistakes there are right rows.
 
     The most probable sequence is Viterbi's (IEEE Trans. Inf. Theory 13 (1967) 260). Where a stretch begins and ends
     is as probable in every row. ``level`` (w, k) are negative logarithms of each row's probability under each
-    mistake, of which number 0 is none. ``whole`` (w,) says which concern all rows or none, ``step`` what else a
-    change costs; for ``rare`` see `rarity`.
+    mistake, of which number 0 is none; before the readings each is as rare as `rarity` says. ``whole`` (w,) says
+    which concern all rows or none, ``step`` what else a change costs.
 
     Example:
         >>> level = np.array([[0.0, 9.0, 9.0, 9.0, 0.0], [9.0, 0.0, 0.0, 0.0, 9.0]])
-        >>> most_probable(level, rarity(1), np.zeros(2, dtype=bool)).tolist()
+        >>> most_probable(level).tolist()
         [0, 1, 1, 1, 0]
     """
     n, each, every = level.shape[1], np.arange(len(level)), slice(None)
-    none = np.zeros(len(level))
-    change = np.where(whole, np.inf, np.log(max(n, 2)))
+    none, rare = np.zeros(len(level)), rarity(len(level) - 1)
+    change = np.where(none > 0.0 if whole is None else whole, np.inf, np.log(max(n, 2)))
     cost, came = level[:, 0] + np.where(each > 0, rare, 0.0), np.zeros((n, len(each)), dtype=int)
     for k in range(1, n):
         changes = ((every, every), (0, every), (every, 0))
@@ -251,17 +322,21 @@ def most_probable(level: Array, rare: float, whole: np.ndarray, step: Step | Non
 
 
 def mistaken_stretches(
-    path: np.ndarray, judged: Callable[[int, int], tuple[np.ndarray, Array]]
+    level: Array,
+    judged: Callable[[int, int], tuple[np.ndarray, Array]],
+    whole: np.ndarray | None = None,
+    step: Step | None = None,
 ) -> Iterator[tuple[int, int, dict[int, float]]]:
-    """Stretches of rows that are mistaken in one way.
+    """Stretches of rows that are mistaken in one way in the most probable sequence; see `most_probable`.
 
-    The ``path`` is of `most_probable`. Of the rows from one on and before another ``judged`` says which mistakes
-    (w,) are possible there, and the negative logarithm (w,) of each one's probability.
+    Of the rows from one on and before another ``judged`` says which mistakes (w,) are possible there, and the
+    negative logarithm (w,) of each one's probability.
 
     Returns:
         The first row, the one behind the last, and by number the costs of the mistakes that are not `ODDS` times
         less probable than the best, which comes first.
-    """
+    """  # fmt: skip
+    path = most_probable(level, whole, step)
     for begin, end in runs(path):
         if path[begin] == 0:
             continue

@@ -5,7 +5,6 @@ Other units, signs, exchanged columns and labels, repeated rows.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
@@ -28,11 +27,14 @@ from vjm_updating.experiment.comparison import (
     Comparison,
     OfJoint,
     correlation,
+    instead,
     machines,
     one_sided,
     ratio_of,
+    thousandfold,
+    units_between,
 )
-from vjm_updating.experiment.data_file import MOTION, POSE, WRENCH, split_point, unit_of
+from vjm_updating.experiment.data_file import MOTION, POSE, WRENCH, split_point
 from vjm_updating.experiment.implausible_readings import (
     MISTAKES,
     OF_IMPOSED,
@@ -54,12 +56,10 @@ from vjm_updating.experiment.mistakes import (
     RIGHT,
     SIGN,
     UNIT,
-    UNITS,
     ColumnsMistaken,
     Mistake,
     MistakeFound,
     mistaken_stretches,
-    most_probable,
     rarity,
     ways,
 )
@@ -224,7 +224,6 @@ def _stretches(c: Comparison, label: str, known: Sequence[Mistake], which: list[
     likelihood = Likelihood(c, label, [known[k] for k in which])
     # a label is written once for all rows
     whole = np.array([bool(way.postures) for way in likelihood.ways])
-    path = most_probable(likelihood.level, likelihood.rare, whole, likelihood.step)
     number = range(len(likelihood.ways))
 
     def judged(begin: int, end: int) -> tuple[np.ndarray, Array]:
@@ -235,7 +234,7 @@ def _stretches(c: Comparison, label: str, known: Sequence[Mistake], which: list[
         # that rows go on steadily is not enough: they say something, and their factors are more probable
         gained = ((alone[0] - alone) * loud).sum(axis=1) / np.maximum(loud.sum(axis=1), 1)
         says = (loud.sum(axis=1) >= LEAST_ROWS) & (costs + likelihood.rare < costs[0])
-        possible = says & (~whole | ((begin, end) == (0, len(path)))) & (gained > np.log(ODDS))
+        possible = says & (~whole | ((begin, end) == (0, len(likelihood.at)))) & (gained > np.log(ODDS))
         # what is still as far from the model as no machine is was not mistaken in that way
         possible &= [
             bool(one) and machines(times(c, rows, way)) for one, way in zip(possible, likelihood.ways, strict=True)
@@ -246,7 +245,7 @@ def _stretches(c: Comparison, label: str, known: Sequence[Mistake], which: list[
 
     return [
         (_between(likelihood, begin, end), {which[w - 1]: cost for w, cost in costs.items()})
-        for begin, end, costs in mistaken_stretches(path, judged)
+        for begin, end, costs in mistaken_stretches(likelihood.level, judged, whole, likelihood.step)
     ]
 
 
@@ -256,7 +255,7 @@ def times(c: Comparison, rows: np.ndarray, way: Mistake = RIGHT) -> float:
     ``rows`` (n,) say which. Of a ``way`` of being mistaken counts what it changes of what was read, the forces
     first.
     """
-    concerned = [k for k, name in enumerate(c.columns) if name in (*way.factors, *way.exchanged)]
+    concerned = [k for k, name in enumerate(c.columns) if name in way.columns]
     own = [k for k in c.main if k in concerned] or concerned or c.main
     f, g = ((v * c.unit)[rows][:, own] for v in (way.put_right(c.read, c.columns), c.predicted(way)))
     known = ~np.isnan(f) & ~np.isnan(g)
@@ -444,10 +443,6 @@ def _multiple(c: Comparison, way: Mistake) -> tuple[float, float]:
     return multiple, float(np.hypot(np.sqrt(misfit / squares), multiple * same))
 
 
-PREFIXED = {"N": ("mN", "kN"), "Nmm": ("µN m", "N m"), "mm": ("µm", "m"), "rad": ("mrad", "krad")}
-"""By unit, the one in which readings are a thousand times as large, and the one in which they are a thousandth."""
-
-
 REACH = numerical(0.01)
 """End of the ramp over the longest part's length on which the force is sought that a chain cannot exceed."""
 
@@ -473,11 +468,9 @@ def wrong_scale(c: Comparison) -> Iterator[Finding]:
             continue  # what little the unloaded stiffness says of this channel is no measure
         ratio, given = ratio_of(f, g), c.given[driven]
         beside = f"what the model predicts for {given}"
-        by = next((i for i in (1, -1) if all(machines(abs(r) * 1000.0**-i) for r in ratio)), 0)
-        if by and ratio[0] * ratio[2] > 0.0:
-            units = [(one, unit_of(one), PREFIXED[unit_of(one)][by * s < 0]) for one, s in ((name, 1), (given, -1))]
-            asked = ", or ".join(f"{one} in {other} instead of {own}" for one, own, other in units)
-            asked = ", or ".join([re.sub(r"\bNmm\b", "N mm", asked), *_near_a_thousand(name, given, ratio[1])])
+        if thousandfold(ratio) and ratio[0] * ratio[2] > 0.0:
+            units = units_between(ratio, name, given)
+            asked = ", or ".join(instead(unit, of, of) for unit, of in units.items())
             words = f"is about {said(ratio[1])} {beside}, a factor 1000: is {asked}? Convert it"
         elif ratio[2] < 0.0 and ratio[1] < -np.exp(-DIFFERS) and driven == index and not c.measurement.loaded:
             words = (
@@ -494,19 +487,6 @@ def wrong_scale(c: Comparison) -> Iterator[Finding]:
         yield Finding(Grade.REFUSED, f"{c.readings.file}: column {name}", words)
 
 
-def _near_a_thousand(name: str, given: str, ratio: float) -> list[str]:
-    """Other units, no thousand times the right one, that explain what was read over what is predicted."""
-    return [
-        words
-        for words, factor, names in UNITS
-        if factor not in (1e3, 1e-3)
-        and any(
-            split_point(one)[1] in names and machines(ratio * factor**sign)
-            for one, sign in ((name, 1), (given, -1))
-        )
-    ]
-
-
 def _beside_buckling(c: Comparison) -> Iterator[Finding]:
     """Of a test that another point controls: no force is many times the one at which the chain buckles."""
     name, chain = WRENCH[0], c.measurement.chain
@@ -521,17 +501,14 @@ def _beside_buckling(c: Comparison) -> Iterator[Finding]:
         # the largest tenth, not one outlier
         many = float(np.percentile(force, 95.0)) / path.critical.force
         clear = path.critical.force > CLEAR * c.measurement.sheet.sigma(name).noise
-        units = [unit for unit, factor in (("mN", 1e-3), ("kN", 1e3)) if machines(many * factor)]
-        beside = f"the force at which posture {label} buckles"
-        if units and (many > 1.0 or clear):
-            words = f"reaches {said(many)} {beside}, a factor 1000: is it in {units[0]} instead of N? Convert it"
-            yield Finding(Grade.REFUSED, f"{c.readings.file}: column {name}", words)
-        elif many > np.exp(DIFFERS):
-            others = dict.fromkeys(one for one, factor, names in UNITS if name in names and machines(many * factor))
-            why = f": {', or '.join(others)}?" if others else ", and no unit explains it"
+        impossible = thousandfold([many]) and bool(many > 1.0 or clear)
+        if impossible or many > np.exp(DIFFERS):
+            units = ", or ".join(instead(unit, name, "it") for unit in units_between([many], name))
             yield Finding(
-                Grade.DOUBTFUL, f"{c.readings.file}: column {name}", f"reaches {said(many)} {beside}{why}"
-            )
+                Grade.REFUSED if impossible else Grade.DOUBTFUL, f"{c.readings.file}: column {name}",
+                f"reaches {said(many)} the force at which posture {label} buckles{', a factor 1000' * impossible}: "
+                f"{f'is {units}? Convert it' if units else 'no unit explains it'}",
+            )  # fmt: skip
 
 
 def said(times: float) -> str:

@@ -15,7 +15,7 @@ from vjm_updating.experiment.implausible_readings import MISTAKES, OF_WHOLE, Rea
 from vjm_updating.experiment.mistakes import ColumnsMistaken
 from vjm_updating.experiment.plausibility import said
 from vjm_updating.frequencies.forward import pairings, tapped
-from vjm_updating.frequencies.measurement import UNITS, FrequencyMeasurement
+from vjm_updating.frequencies.measurement import MOST_MISSING, UNITS, FrequencyMeasurement
 
 
 def considered(measurement: FrequencyMeasurement, *, strict: bool = False) -> list[Finding]:
@@ -29,19 +29,19 @@ def considered(measurement: FrequencyMeasurement, *, strict: bool = False) -> li
     if not any(getattr(part, "mass", 0.0) for part in measurement.chain.parts):
         findings.insert(0, Finding(Grade.REFUSED, name, "no part has a mass: give its links mass_kg"))
     else:
-        findings += _units(measurement)
-        findings += _columns(measurement)
+        try:
+            modes = tapped(measurement, measurement.chain).frequencies
+        except NoConvergenceError:
+            shape = len(measurement.frequency), measurement.frequency.shape[1] + MOST_MISSING
+            modes = np.full(shape, np.nan)  # said by the fit
+        findings += [*_units(measurement, modes), *_columns(measurement, modes)]
     refuse(findings, strict=strict)
     return findings
 
 
-def _columns(measurement: FrequencyMeasurement) -> Iterator[Finding]:
-    """Mistakes in what was read, see `vjm_updating.experiment.implausible_readings`."""
+def _columns(measurement: FrequencyMeasurement, modes: Array) -> Iterator[Finding]:
+    """Mistakes in what was read beside the modes ``(n, m)``, see `vjm_updating.experiment.implausible_readings`."""
     r, read = measurement.readings, measurement.frequency
-    try:
-        modes = tapped(measurement, measurement.chain).frequencies
-    except NoConvergenceError:
-        modes = np.full(read.shape, np.nan)
     # where modes may be missing, which one was read is asked by the fit
     known = measurement.sheet.frequencies.missing == 0 and modes.shape == read.shape
     noise = np.array([np.nanmedian(one) if np.isfinite(one).any() else 0.0 for one in measurement.sigma.T])
@@ -52,15 +52,11 @@ def _columns(measurement: FrequencyMeasurement) -> Iterator[Finding]:
     )
 
 
-def _units(measurement: FrequencyMeasurement) -> Iterator[Finding]:
+def _units(measurement: FrequencyMeasurement, computed: Array) -> Iterator[Finding]:
     """Frequencies that are no machine's like the model, and are one's in another unit.
 
     A frequency goes with the root of a stiffness, so that its square differs from the model's as forces may.
     """
-    try:
-        computed = tapped(measurement, measurement.chain).frequencies
-    except NoConvergenceError:
-        return  # said by the fit
     n = len(measurement.frequency)
     far = [k for k in range(n) if not machines(multiples(measurement, computed, [k])[1] ** 2)]
     if not far:

@@ -9,10 +9,10 @@ import itertools
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
-from typing import Generic, TypeVar
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 from scipy.special import stdtrit
@@ -23,20 +23,23 @@ from vjm.io.model_plausibility import model_findings
 from vjm.machine.equilibria import unloaded_frames
 from vjm.rotations import Array
 from vjm_updating.constants import definition, numerical, physical_bound, stated_level
-from vjm_updating.experiment.comparison import machines, ratio_of
+from vjm_updating.experiment.comparison import instead, machines, ratio_of, thousandfold, units_between
 from vjm_updating.experiment.data_file import WRENCH, beyond_turn
 from vjm_updating.experiment.implausible_readings import MISTAKES, OF_WHOLE, ReadColumns, column_findings, no_room
 from vjm_updating.experiment.mistakes import (
-    FORCES,
     LEAST_ROWS,
     LENGTHS,
     ODDS,
-    SHIFTS,
+    RIGHT,
     UNITS,
     ColumnsMistaken,
+    Mistake,
+    axes,
     mistaken_stretches,
-    most_probable,
-    rarity,
+    multiplied,
+    reordered,
+    shifted,
+    swapped,
 )
 from vjm_updating.experiment.plausibility import said
 from vjm_updating.inference.significance import CUT, FALSE_ALARMS, MEDIAN_TO_SIGMA, more_than_noise
@@ -64,12 +67,10 @@ from vjm_updating.poses.pose_study import PoseStudy, align
 from vjm_updating.poses.state import RANDOM, FittedState
 from vjm_updating.poses.study import TAIL, Study
 
-# --- Changes of data that would explain what a rigid robot misses: signs, zeros, exchanged columns, units, rows----
+# --- How data of a robot may be mistaken: joints, markers, axes, units, rows --------------------------------------
 
 QUARTERS = {"a quarter turn": 0.5 * np.pi, "a quarter turn back": -0.5 * np.pi, "half a turn": np.pi}
 """rad: what lies between the zeros of two conventions that describe one robot."""
-FARTHEST_ROWS = numerical(5)
-"""By how many rows readings may stand from where they belong."""
 MOST_TRIED = numerical(120)
 """Postures on which changes of the data are tried."""
 NOISE_DISTANCE = definition(float(np.sqrt(8.0 / np.pi)))
@@ -78,108 +79,27 @@ D = TypeVar("D", bound=PoseData)
 F = TypeVar("F")
 
 
-@dataclass(frozen=True)
-class Change(Generic[D]):
-    """A way in which data may have been mistaken.
-
-    Attributes:
-        data: as they were meant.
-        name: of the mistake.
-        remedy: what to do, for people.
-        factor: what readings are multiplied by.
-    """
-
-    data: D
-    name: str
-    remedy: str
-    factor: float = 1.0
-
-
-def joints_meant(machine: PoseMachine, data: D) -> Iterator[Change[D]]:
+def joints_meant(data: PoseData, machine: PoseMachine) -> Iterator[Mistake]:
     """Joints with other signs and zeros, or two columns exchanged."""
-    for i, name in enumerate(data.joints):
-        one = np.eye(len(data.joints))[i]
-        turned = replace(data, q=data.q * (1.0 - 2.0 * one))
-        yield Change(turned, f"joint_sign.{name}", f"multiply {name} by −1")
-        for words, angle in QUARTERS.items() if not machine.slides[i] else ():
+    joints = list(zip(data.joints, machine.slides, strict=True))
+    for name, slides in joints:
+        yield Mistake(f"joint_sign.{name}", remedy=f"multiply {name} by −1", factors={name: -1.0})
+        for words, angle in QUARTERS.items() if not slides else ():
             remedy = f"turn the zero of {name} by {words} (add {angle:.6g} rad)"
-            yield Change(replace(data, q=data.q + angle * one), f"joint_zero.{name}", remedy)
-    for i, j in itertools.combinations(range(len(data.joints)), 2):
-        if machine.slides[i] == machine.slides[j]:
-            a, b = data.joints[i], data.joints[j]
+            yield Mistake(f"joint_zero.{name}", remedy=remedy, added={name: angle})
+    for (a, slides), (b, also) in itertools.combinations(joints, 2):
+        if slides == also:
             remedy = f"exchange the columns of {a} and {b}"
-            yield Change(replace(data, q=exchanged(data.q, i, j)), f"joints_swapped.{a}.{b}", remedy)
+            yield Mistake(f"joints_swapped.{a}.{b}", remedy=remedy, order=swapped((a, b)))
 
 
-def exchanged(values: Array, i: int, j: int) -> Array:
-    """Values ``(g, n, …)`` with two columns in each other's place."""
-    order = np.arange(values.shape[1])
-    order[[i, j]] = j, i
-    return values[:, order]
-
-
-def order_of_joints(machine: PoseMachine, data: PoseData) -> Iterator[Change[PoseData]]:
-    """Places and order of the joints' columns."""
-    names = data.joints
-    if len(names) > 1 and len(set(machine.slides)) == 1:
-        yield Change(replace(data, q=data.q[:, ::-1]), "joints_reversed", "reverse the joints' order")
-        for by in range(1, len(names)):
-            words = f"the column of {names[by]} is that of {names[0]}, and so on around"
-            yield Change(replace(data, q=np.roll(data.q, -by, axis=1)), f"joints_shifted.{by}", words)
-
-
-def of_positions(data: PoseData, keep: np.ndarray) -> Iterator[Change[PoseData]]:
-    """Markers, axes, units and rows of the positions; of some rows of the data."""
-    kept = data.only(keep)
-    y = kept.position
-    for i, j in itertools.combinations(range(len(data.markers)), 2):
-        a, b = data.markers[i], data.markers[j]
-        remedy = f"exchange the markers {a} and {b}"
-        yield Change(replace(kept, position=exchanged(y, i, j)), f"markers_swapped.{a}.{b}", remedy)
-    words = "the tracker's axes are left-handed: exchange two of them or reverse one,"
-    yield Change(replace(kept, position=y * [-1.0, 1.0, 1.0]), "tracker_mirrored", words)
-    yield from positions_in_units(kept, "positions")
-    for order, sign, name, words in axes(np.asarray(np.isfinite(y).any(axis=(0, 1)))):
-        yield Change(replace(kept, position=y[..., order] * sign), f"position_axes.{name}", f"{words} positions")
-    for change in shifted_rows(data, "positions"):
-        yield replace(change, data=change.data.only(keep))
-
-
-def positions_in_units(data: D, what: str) -> Iterator[Change[D]]:
-    """Positions or displacements in another unit of length."""
-    for unit, factor in LENGTHS.items():
-        words = f"the {what} are in {unit}: multiply them by {factor:g}"
-        yield Change(replace(data, position=data.position * factor), f"{what}_in_{unit.split()[0]}", words, factor)
-
-
-def shifted_rows(data: D, what: str) -> Iterator[Change[D]]:
-    """Positions or displacements that stand some rows from where they belong."""
-    g = len(data)
-    for by in [sign * count for count in range(1, min(FARTHEST_ROWS, g - 1) + 1) for sign in (-1, 1)]:
-        indices = np.arange(g) + by
-        inside = (indices >= 0) & (indices < g)
-        moved = np.where(inside[:, None, None], data.position[np.clip(indices, 0, g - 1)], np.nan)
-        rows = "one row" if abs(by) == 1 else f"{abs(by)} rows"
-        early = f"{rows} too early: move them down" if by < 0 else f"{rows} too late: move them up"
-        remedy = f"the {what} stand {early} by {'one' if abs(by) == 1 else abs(by)},"
-        yield Change(replace(data, position=moved), f"{what}_shifted.{by}", remedy)
-
-
-def axes(present: np.ndarray) -> Iterator[tuple[list[int], Array, str, str]]:
-    """Exchanged, cycled and reversed axes of those present ``(3,)``: order, signs ``(3,)``, a name, a remedy."""
-    x = "xyz"
-    for i, j in itertools.combinations(np.flatnonzero(present).tolist(), 2):
-        order = list(range(3))
-        order[i], order[j] = j, i
-        yield order, np.ones(3), f"{x[i]}{x[j]}_exchanged", f"exchange {x[i]} and {x[j]} of the"
-    for order in ([1, 2, 0], [2, 0, 1]) if present.all() else ():
-        name = "".join(x[i] for i in order)
-        yield order, np.ones(3), name, f"take {', '.join(name)} for x, y, z in the"
-    for i in np.flatnonzero(present).tolist():
-        sign = np.where(np.arange(3) == i, -1.0, 1.0)
-        yield list(range(3)), sign, f"{x[i]}_reversed", f"reverse {x[i]} of the"
-    if present.sum() > 1:
-        yield list(range(3)), -np.ones(3), "reversed", "reverse the sign of the"
+def in_units(what: str, vectors: Iterable[tuple[str, ...]]) -> Iterator[Mistake]:
+    """Positions, displacements or loads in another unit of the table, by their columns."""
+    for one in multiplied([name for own in vectors for name in own], UNITS, ""):
+        (quantity, _, unit), factor = one.words.partition(" in "), next(iter(one.factors.values()))
+        meant = what if quantity == "displacements" else quantity
+        remedy = f"the {meant} are in {unit}: multiply them by {factor:g}"
+        yield replace(one, words=f"{what}_in_{unit.split()[0]}", remedy=remedy)
 
 
 def spread_of(position: Array) -> float:
@@ -201,6 +121,8 @@ class Beside(ABC, Generic[D, F]):
     Attributes:
         data: as read.
         least: number of rows to which frames or springs can be fitted.
+        vectors: columns of each marker, three.
+        columns: of ``q``, ``position`` and ``load`` of data, by the attribute's name.
         misses: what misses the readings, in words.
         farthest: mean error in mm above which no mistake explains what is missed.
     """
@@ -208,18 +130,26 @@ class Beside(ABC, Generic[D, F]):
     misses: str
     farthest: float = np.inf
 
-    def __init__(self, data: D, least: int) -> None:
+    def __init__(self, data: D, least: int, columns: tuple[str, ...]) -> None:
         self.data, self.least = data, least
+        self.vectors = [tuple(f"{marker}.{column}" for column in columns) for marker in data.markers]
+        self.columns = {"q": data.joints, "position": tuple(name for own in self.vectors for name in own)}
         self._to_rows: tuple[bytes, F] | None = None
 
     @abstractmethod
-    def changes(self, keep: np.ndarray, *, whole: bool) -> Iterator[Change[D]]:
-        """Mistakes that rows may have, the simplest first; data of some of the rows as they were meant.
+    def ways(self, *, whole: bool) -> Iterator[Mistake]:
+        """Mistakes that rows may have, the simplest first; ``whole`` says whether all of the file have it."""
 
-        Args:
-            keep: indices of the rows that are wanted.
-            whole: whether all rows of the file have the mistake.
-        """
+    def meant(self, way: Mistake, data: D, keep: np.ndarray) -> D:
+        """Some rows of the data, by their indices, as they were meant."""
+        if way.rows:
+            return replace(data, position=reordered(self.data.position, np.arange(len(self.data)) + way.rows)[keep])
+        right: dict[str, Any] = {}
+        for name, columns in self.columns.items():
+            if way.columns & set(columns):
+                values = getattr(data, name)
+                right[name] = way.put_right(values.reshape(len(data), -1), columns).reshape(values.shape)
+        return replace(data, **right)
 
     @abstractmethod
     def fitted(self, data: D, rows: np.ndarray) -> F:
@@ -299,7 +229,7 @@ def scale_of(off: Array) -> float:
 def mistaken_everywhere(beside: Beside[D, F]) -> Iterator[Finding]:
     """What explains the machine's error in all of a file: signs, zeros, exchanged columns, a unit, shifted rows.
 
-    A change is named where it explains more of the squared error than it leaves, and what it leaves is a machine's.
+    It is named where it explains more of the squared error than it leaves, and what it leaves is a machine's.
     """
     g = len(beside.data)
     keep = np.linspace(0, g - 1, min(g, MOST_TRIED)).astype(int)
@@ -308,15 +238,15 @@ def mistaken_everywhere(beside: Beside[D, F]) -> Iterator[Finding]:
     noise = NOISE_DISTANCE * float(np.median(data.sigma[..., :3][seen]))
     if not more_than_noise(base / noise, float(seen.sum())):
         return
-    tried = [(beside.error(change.data), change) for change in beside.changes(keep, whole=True)]
+    tried = [(beside.error(beside.meant(way, data, keep)), way) for way in beside.ways(whole=True)]
     least = min(error for error, _ in tried)
     # of those that do as well the simplest, which comes first
-    error, change = next(one for one in tried if one[0] <= 1.02 * least)
+    error, way = next(one for one in tried if one[0] <= 1.02 * least)
     # positions in a smaller unit miss by less, though they follow the machine no better: it must do so, too
     if error > beside.farthest or 2.0 * error**2 > min(base, beside.spread(data)) ** 2:
         yield from beside.unexplained(data, base)
         return
-    words = f"{change.name}: {beside.misses} by {base:.4g} mm; {change.remedy} and it is {error:.4g} mm"
+    words = f"{way.words}: {beside.misses} by {base:.4g} mm; {way.remedy} and it is {error:.4g} mm"
     if more_than_noise(error / noise, float(seen.sum())):
         words += f", still {error / noise:.1f} times what the noise makes: that is not all that is wrong"
     yield ColumnsMistaken(Grade.DOUBTFUL, data.file, words)
@@ -328,14 +258,14 @@ def mistaken_rows(beside: Beside[D, F]) -> Iterator[Finding]:
     # what is as near as the other rows is a matter of the machine
     if g <= beside.least + LEAST_ROWS or g - len(rows) < LEAST_ROWS:
         return
-    changes = list(beside.changes(np.arange(g), whole=False))
-    left = [beside.left(beside.data, rows), *(beside.left(change.data, rows) for change in changes)]
+    ways = [RIGHT, *beside.ways(whole=False)]
+    left = [beside.left(beside.meant(way, beside.data, np.arange(g)), rows) for way in ways]
     scale = scale_of(beside.off(left[0])[rows])
     # negative logarithms of the probability of rows by Student's distribution, but for a constant
     scaled = [(one / (scale * beside.data.sigma[..., :3])) ** 2 for one in left]
     levels = np.array([np.nansum(0.5 * (TAIL + 1.0) * np.log1p(one / TAIL), axis=(1, 2)) for one in scaled])
     read = np.isfinite(left[0]).sum(axis=(1, 2))
-    factors = np.array([1.0, *(change.factor for change in changes)])
+    factors = np.array([abs(way.factors.get(beside.vectors[0][0], 1.0)) for way in ways])
     levels -= read * np.log(factors)[:, None]
     # what another row's readings say of a row at the end of the file is not known
     levels[[np.isfinite(one).sum(axis=(1, 2)) != read for one in left]] = np.inf
@@ -360,14 +290,13 @@ def mistaken_rows(beside: Beside[D, F]) -> Iterator[Finding]:
         possible &= min(far, _samples(posture, begin, end)) >= LEAST_ROWS and 2 * (end - begin) <= g
         return possible, cost
 
-    path = most_probable(levels, rarity(len(changes)), np.zeros(len(levels), dtype=bool))
-    for begin, end, costs in mistaken_stretches(path, judged):
-        first, *others = [changes[w - 1] for w in costs]
+    for begin, end, costs in mistaken_stretches(levels, judged):
+        first, *others = [ways[w] for w in costs]
         own, lines = squares(begin, end), beside.data.row[begin:end]
         words = (
-            f"{first.name}: {np.sqrt(own[0]):.4g} mm are left there, while other rows fit; "
+            f"{first.words}: {np.sqrt(own[0]):.4g} mm are left there, while other rows fit; "
             f"{first.remedy.rstrip(',')} there, and it is {np.sqrt(own[list(costs)].min()):.4g} mm"
-            + "".join(f"; or {way.name}: {way.remedy.rstrip(',')}" for way in others)
+            + "".join(f"; or {way.words}: {way.remedy.rstrip(',')}" for way in others)
         )
         yield ColumnsMistaken(Grade.DOUBTFUL, f"{beside.data.file}: rows {lines[0]} to {lines[-1]}", words)
 
@@ -399,25 +328,25 @@ def considered(measurement: RobotMeasurement, study: PoseStudy, *, strict: bool 
     beside, known = (BesideRigid(study.machine, study.sheet, data) for data in (measurement.data, study.data))
     findings = [] if study.sheet.base is not None else [*mistaken_rows(beside)] or [*mistaken_everywhere(known)]
     findings += [
-        *columns_of(beside, POSITION, named=bool(findings)),
+        *columns_of(beside, named=bool(findings)),
         *(one for rule in rules for one in rule(study)),
     ]
     return judged(measurement, findings, strict=strict)
 
 
-def columns_of(beside: Beside[D, F], names: tuple[str, ...], *, named: bool) -> Iterator[Finding]:
+def columns_of(beside: Beside[D, F], *, named: bool) -> Iterator[Finding]:
     """Mistakes in positions or displacements, see `vjm_updating.experiment.implausible_readings`.
 
     Where a mistake in all of the file is ``named``, another order, or zero, would say it once more.
     """
     data = beside.data
-    g, labels = len(data), tuple(f"{marker}.{name}" for marker in data.markers for name in names)
+    g = len(data)
     predicted = data.position - beside.left(data, beside.right)
     noise = np.median(data.sigma.reshape(g, -1), axis=0)
     yield from column_findings(
         ReadColumns(
-            data.file, data.row, labels, data.position.reshape(g, -1), noise, predicted.reshape(g, -1),
-            np.zeros(g, dtype=int), np.arange(g),
+            data.file, data.row, beside.columns["position"], data.position.reshape(g, -1), noise,
+            predicted.reshape(g, -1), np.zeros(g, dtype=int), np.arange(g),
         ), MISTAKES, () if named else OF_WHOLE,
     )  # fmt: skip
 
@@ -435,16 +364,30 @@ class BesideRigid(Beside[PoseData, Frames]):
     misses = "the rigid robot misses the markers"
 
     def __init__(self, machine: PoseMachine, sheet: PoseSheet, data: PoseData) -> None:
-        super().__init__(data, PoseForward(machine, data, sheet.test.gravity).nuisances)
+        super().__init__(data, PoseForward(machine, data, sheet.test.gravity).nuisances, POSITION)
         self.machine, self.farthest = machine, FARTHEST * machine.tree.reach
         self.sigma = np.array([table.sigma_mm for table in sheet.markers.values()])
 
-    def changes(self, keep: np.ndarray, *, whole: bool) -> Iterator[Change[PoseData]]:
+    def ways(self, *, whole: bool) -> Iterator[Mistake]:
         """See `Beside`."""
-        kept = self.data.only(keep)
-        yield from joints_meant(self.machine, kept)
-        yield from order_of_joints(self.machine, kept)
-        yield from of_positions(self.data, keep)
+        data, names, vectors = self.data, self.data.joints, self.vectors
+        yield from joints_meant(data, self.machine)
+        if len(names) > 1 and len(set(self.machine.slides)) == 1:
+            reverse = dict(zip(names, names[::-1], strict=True))
+            yield Mistake("joints_reversed", remedy="reverse the joints' order", order=reverse)
+            for by in range(1, len(names)):
+                words = f"the column of {names[by]} is that of {names[0]}, and so on around"
+                order = dict(zip(names, names[by:] + names[:by], strict=True))
+                yield Mistake(f"joints_shifted.{by}", remedy=words, order=order)
+        for (a, own), (b, others) in itertools.combinations(zip(data.markers, vectors, strict=True), 2):
+            order = swapped(*zip(own, others, strict=True))
+            yield Mistake(f"markers_swapped.{a}.{b}", remedy=f"exchange the markers {a} and {b}", order=order)
+        words = "the tracker's axes are left-handed: exchange two of them or reverse one,"
+        yield Mistake("tracker_mirrored", remedy=words, factors={own[0]: -1.0 for own in vectors})
+        yield from in_units("positions", vectors)
+        seen = np.asarray(np.isfinite(data.position).any(axis=(0, 1)))
+        yield from axes("position_axes", "positions", seen, vectors)
+        yield from shifted(len(data) - 1, "positions")
 
     def fitted(self, data: PoseData, rows: np.ndarray) -> Frames:
         """See `Beside`."""
@@ -716,7 +659,7 @@ def deflections_considered(
     # rows that were left out as outliers may be a stretch that is mistaken
     beside = BesideSprings(study, data)
     mistaken = [*mistaken_rows(beside)] or [*mistaken_everywhere(BesideSprings(study, study.data))]
-    findings += [*mistaken, *columns_of(beside, SHIFT, named=bool(mistaken))]
+    findings += [*mistaken, *columns_of(beside, named=bool(mistaken))]
     return judged(measurement, findings, strict=strict)
 
 
@@ -726,27 +669,44 @@ class BesideSprings(Beside[DeflectionData, Array]):
     misses = "the model with springs in its joints misses the displacements"
 
     def __init__(self, study: DeflectionStudy, data: DeflectionData) -> None:
-        super().__init__(data, len(data.joints))
+        super().__init__(data, len(data.joints), SHIFT)
+        self.columns["load"] = tuple(f"{point}.{name}" for point in data.loads for name in WRENCH)
         self.study = study
         self.springs = [member for member in study.members if member.family in COMPLIANCES[:2]]
         self._known: list[tuple[Array, Array, tuple[Array, Array]]] = []
 
-    def changes(self, keep: np.ndarray, *, whole: bool) -> Iterator[Change[DeflectionData]]:
-        """See `Beside`; springs of any size explain another unit of all displacements, or of all loads."""
-        data = self.data.only(keep)
-        yield from () if whole else positions_in_units(data, "displacements")
-        for words, factor, names in () if whole else UNITS:
-            if names[:3] == WRENCH[:3] and words.startswith("forces"):
-                load = data.load * factor
-                yield Change(
-                    replace(data, load=load), "loads_in_unit", f"{words}: multiply the loads by {factor:g}"
-                )
+    def ways(self, *, whole: bool) -> Iterator[Mistake]:
+        """See `Beside`; springs of any size explain another unit of all. Axes that are found cannot be wrong."""
+        data, sheet = self.data, self.study.sheet
+        if not whole:
+            yield from in_units("displacements", self.vectors)
+            there = zip(self.columns["load"], data.given.ravel().tolist(), strict=True)
+            yield from in_units("loads", [tuple(name for name, given in there if given)])
         words = "reverse the sign of the displacements, which are unloaded minus loaded, or that of the loads,"
-        yield Change(replace(data, position=-data.position), "sign_reversed", words)
-        yield from _of_axes(self.study, data)
-        yield from joints_meant(self.study.machine, data)
-        for change in shifted_rows(self.data, "displacements"):
-            yield replace(change, data=change.data.only(keep))
+        yield Mistake("sign_reversed", remedy=words, factors=dict.fromkeys(self.columns["position"], -1.0))
+        if sheet.tracker.axes == "base":
+            seen = np.asarray(np.isfinite(data.position).any(axis=(0, 1)))
+            yield from axes("displacement_axes", "displacements", seen, self.vectors)
+        for j, point in enumerate(data.loads):
+            own, given = self.columns["load"][6 * j : 6 * j + 6], data.given[j].reshape(2, 3).any(axis=0)
+            yield from axes(f"load_axes.{point}", f"columns of {point}", given, [own[:3]], [own[3:]])
+            other = "tool" if sheet.loads[point].axes == "base" else "base"
+            remedy = f"write axes = '{other}' in [loads.{point}]"
+            yield Mistake(f"load_axes.{point}.{other}", remedy=remedy, axes=point)
+        yield from joints_meant(data, self.study.machine)
+        yield from shifted(len(data) - 1, "displacements")
+
+    def meant(self, way: Mistake, data: DeflectionData, keep: np.ndarray) -> DeflectionData:
+        """See `Beside`; a load in the tool's axes turns with the robot."""
+        if not way.axes:
+            return super().meant(way, data, keep)
+        point, load, tree = data.loads.index(way.axes), data.load.copy(), self.study.machine.tree
+        R = unloaded_frames(tree, self.study.machine.rows(data.q))[0][:, len(data.markers) + point]
+        if self.study.sheet.loads[way.axes].axes == "tool":
+            R = np.swapaxes(R, 1, 2)
+        for half in (slice(0, 3), slice(3, 6)):
+            load[:, point, half] = np.einsum("gab,gb->ga", R, load[:, point, half])
+        return replace(data, load=load)
 
     def fitted(self, data: DeflectionData, rows: np.ndarray) -> Array:
         """See `Beside`: sizes ``(P,)`` of the springs."""
@@ -838,50 +798,12 @@ def another_unit(study: DeflectionStudy) -> Iterator[Finding]:
         return
     ratio = ratio_of(read[seen], predicted[seen])
     are = f"the displacements are about {said(abs(ratio[1]))} what the model predicts"
-    for power, shift, force in ((-1, "m instead of mm", "mN"), (1, "µm instead of mm", "kN")):
-        if all(machines(abs(r) * 1000.0**-power) for r in ratio):
-            words = f"are they in {shift}, or the loads in {force} instead of N? Convert them"
-            yield Finding(Grade.REFUSED, study.data.file, f"{are}, a factor 1000: {words}")
-            return
-    if ratio[0] <= 0.0 or any(map(machines, ratio)):
-        return
-    units = {
-        words: factor if SHIFTS[0] in names else 1.0 / factor
-        for words, factor, names in UNITS
-        if SHIFTS[0] in names or FORCES[0] in names
-    }
-    possible_units = [words for words, factor in units.items() if all(machines(r * factor) for r in ratio)]
-    if possible_units:
-        said_units = ", or ".join(possible_units)
-        words = f"they may be in another unit ({said_units}), or the machine differs so much from its model"
+    units = units_between(ratio, SHIFT[0], WRENCH[0])
+    if thousandfold(ratio):
+        asked = ", or ".join(instead(unit, of, unit.partition(" ")[0]) for unit, of in units.items())
+        yield Finding(Grade.REFUSED, study.data.file, f"{are}, a factor 1000: are {asked}? Convert them")
+    elif units and ratio[0] > 0.0 and not any(map(machines, ratio)):
+        words = (
+            f"they may be in another unit ({', or '.join(units)}), or the machine differs so much from its model"
+        )
         yield Finding(Grade.DOUBTFUL, study.data.file, f"{are}: {words}")
-
-
-def _of_axes(study: DeflectionStudy, data: DeflectionData) -> Iterator[Change[DeflectionData]]:
-    """Axes of displacements and of loads that are exchanged or reversed; those that are found cannot be."""
-    if study.sheet.tracker.axes == "base":
-        for order, sign, name, words in axes(np.asarray(np.isfinite(data.position).any(axis=(0, 1)))):
-            shift = data.position[..., order] * sign
-            yield Change(replace(data, position=shift), f"displacement_axes.{name}", f"{words} displacements")
-    for j, point in enumerate(data.loads):
-        for order, sign, name, words in axes(data.given[j].reshape(2, 3).any(axis=0)):
-            load = data.load.copy()
-            # a moment is an axial vector: it turns with the axes, and keeps its sign where they are mirrored
-            mirrored = np.linalg.det(np.eye(3)[:, order] * sign)
-            load[:, j, :3], load[:, j, 3:] = load[:, j, order] * sign, mirrored * load[:, j, 3:][:, order] * sign
-            yield Change(replace(data, load=load), f"load_axes.{point}.{name}", f"{words} columns of {point}")
-        other = "tool" if study.sheet.loads[point].axes == "base" else "base"
-        remedy = f"write axes = '{other}' in [loads.{point}]"
-        yield Change(_in_other_axes(study, data, j), f"load_axes.{point}.{other}", remedy)
-
-
-def _in_other_axes(study: DeflectionStudy, data: DeflectionData, point: int) -> DeflectionData:
-    """The readings with a load of which the base's axes are the tool's, or the reverse."""
-    k = len(data.markers)
-    R = unloaded_frames(study.machine.tree, study.machine.rows(data.q))[0][:, k + point]
-    if study.sheet.loads[data.loads[point]].axes == "tool":
-        R = np.swapaxes(R, 1, 2)
-    load = data.load.copy()
-    for half in (slice(0, 3), slice(3, 6)):
-        load[:, point, half] = np.einsum("gab,gb->ga", R, load[:, point, half])
-    return replace(data, load=load)
