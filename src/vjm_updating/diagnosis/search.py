@@ -142,12 +142,15 @@ class Search:
         return self.kept(begun_anew(self.fitter, best.fit))
 
     def settled(self, ranked: ScoredModel) -> ScoredModel:
-        """The same, its fit carried on where it had not come to an end."""
+        """The same, its fit carried on where it had not come to an end, as long as that makes it better."""
         for _ in range(CARRIED_ON):
             if ranked.fit.converged:
                 break
+            before = ranked.fit.objective
             self._polish(ranked)
             ranked = self.tried[ranked.labels]
+            if ranked.fit.objective > before - self.fitter.rounding:
+                break
         return ranked
 
     def complete_parts(self, best: ScoredModel) -> None:
