@@ -21,7 +21,9 @@ def hypothesis(probability: float, *places: str) -> PosteriorSample:
     return PosteriorSample(causes, probability)
 
 
-def found(*hypotheses: PosteriorSample, trusted: bool = True, nothing: float = 0.0) -> FindingsRow:
+def found(
+    *hypotheses: PosteriorSample, trusted: bool = True, nothing: float = 0.0, unknown: float | None = None
+) -> FindingsRow:
     p, places = by_hypotheses(hypotheses)
     return findings_of(
         p,
@@ -33,6 +35,7 @@ def found(*hypotheses: PosteriorSample, trusted: bool = True, nothing: float = 0
         trusted=trusted,
         places=places,
         nothing=nothing,
+        unknown=unknown,
     )
 
 
@@ -89,6 +92,14 @@ def test_nothing_is_said_to_act_where_the_whole_is_doubted():
     assert said(row) == {"bow": Word.MAY}
     assert row.words[0].endswith("nothing is said to act")
     assert row.words[1:] == ["no answer, guesses of the catalogue with their probabilities: bow 0.99"]
+
+
+def test_a_guess_is_as_probable_as_it_can_be_beside_what_no_catalogue_has():
+    row = found(hypothesis(0.99, "bow"), trusted=False, unknown=0.9)
+    assert [one.probability for one in row.causes] == pytest.approx([0.099])
+    assert row.words[-1].endswith("bow 0.10")
+    # of what is said to act the unknown is beside it
+    assert found(hypothesis(0.99, "bow"), unknown=0.04).causes[0].probability == 0.99
 
 
 def test_a_cause_that_explains_no_more_than_a_laws_error_says_whose_law():

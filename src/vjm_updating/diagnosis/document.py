@@ -40,7 +40,10 @@ class CauseRow(Row):
     """A cause that may act."""
 
     cause: str
-    probability: float = Field(description="that it acts: the sum over the hypotheses that contain it")
+    probability: float = Field(
+        description="that it acts: the sum over the hypotheses that contain it. Of a guess, times the probability "
+        "that nothing acts that no catalogue has"
+    )
     share: float | None = Field(description="of what the nominal model misses, that it explains; null: not known")
     word: Word
     places: list[PlaceRow] = Field([])
@@ -192,16 +195,18 @@ def findings_of(
     """
     kept = list(groups) if trusted else []
     inside = {cause for group in kept for cause in group.causes}
+    # hypotheses of the catalogue are all that there is only where something unknown does not act
+    known = 1.0 if trusted or unknown is None else 1.0 - unknown
     rows = []
     for cause, p in probability.items():
         word = Word.ONE_OF if cause in inside else Word.ACTS if trusted and p >= SURE else Word.MAY
         if word is Word.MAY and p < 1.0 - SURE and cause not in (within_law or {}):
             continue
         ranked = sorted((places or {}).get(cause, {}).items(), key=lambda pair: -pair[1])
-        by_place = [PlaceRow(place=place, probability=q) for place, q in ranked if q >= 1.0 - SURE]
+        by_place = [PlaceRow(place=place, probability=known * q) for place, q in ranked if q >= 1.0 - SURE]
         rows.append(
             CauseRow(
-                cause=cause, probability=p, share=shares.get(cause), word=word, places=by_place,
+                cause=cause, probability=known * p, share=shares.get(cause), word=word, places=by_place,
                 within_law_of=(within_law or {}).get(cause, ""),
             )
         )  # fmt: skip
