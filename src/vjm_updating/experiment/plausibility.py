@@ -592,10 +592,12 @@ def _seen(c: Comparison, mistake: Mistake) -> str:
     if mistake.cause == SIGN:
         return f"{c.words} point against what the model predicts there{rest}"
     if mistake.cause == UNIT:
-        many = times(c, mistake.where)
+        own = [k for k, name in enumerate(c.columns) if name in mistake.columns]
+        what = c.words if set(own) & set(c.main) or not own else ", ".join(c.columns[k] for k in own)
+        many = times(c, mistake.where, Mistake(factors=dict.fromkeys(mistake.columns, 1.0)))
         if many > 0.0:
-            return f"{c.words} are {said(many)} what the model predicts there{rest}"
-        return f"{c.words} are far from what the model predicts there{rest}"
+            return f"{what} are {said(many)} what the model predicts there{rest}"
+        return f"{what} are far from what the model predicts there{rest}"
     return "the readings fit the model with them changed, not as they stand"
 
 
