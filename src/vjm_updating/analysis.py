@@ -76,7 +76,9 @@ def diagnose(
     made_of = made_of.reading({f"effects {file.name}": digest(file.read_bytes()) for file in map(_source, effects)})
     made_of = _beside(made_of, beside)
     test = data.test if effects or beside else _as_it_is(data.test)
-    considered = _considered(replace(data, test=test), warn, strict=strict)
+    # names of causes are known once mistaken readings are put right: ramps tell of these after that
+    late = isinstance(test, Measurement)
+    considered = _considered(replace(data, test=test), (lambda _: None) if late else warn, strict=strict)
     match test:
         case FrequencyMeasurement():
             raise ValueError(
@@ -91,7 +93,14 @@ def diagnose(
                     f"{data.sheet}: --beside takes a test of the same kind: {beside[0].sheet} is another"
                 )
             return diagnose_ramps(
-                test, considered, effects=effects, only=only, without=without, beside=second, progress=progress
+                test,
+                considered,
+                warn,
+                effects=effects,
+                only=only,
+                without=without,
+                beside=second,
+                progress=progress,
             ).stamped(made_of)
         case PreparedTest():
             _refuse(data, effects, f"--effects is for ramps, and this is {KINDS[data.kind]}")

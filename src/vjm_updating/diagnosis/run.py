@@ -272,6 +272,7 @@ SHOWN = shown(12)
 def diagnose_ramps(
     measurement: Measurement,
     considered: Callable[[], list[Finding]],
+    warn: Callable[[Sequence[Finding]], None] = lambda _: None,
     *,
     effects: Sequence[Path | Maker] = (),
     only: Sequence[str] = (),
@@ -282,7 +283,7 @@ def diagnose_ramps(
     """Diagnose a test of ramps, of a column, by loads or of a joint; arguments as of `vjm_updating.diagnose`.
 
     Here ``beside`` is a test of another specimen, of which is said what the findings are worth there, and
-    ``considered`` says what is implausible about this one. Errors are as of that function.
+    ``considered`` says what is implausible about this one, and ``warn`` tells it. Errors are as of that function.
     """
     begun = time.perf_counter()
     more = [plug_in(one) if isinstance(one, Path) else one for one in effects]
@@ -300,6 +301,7 @@ def diagnose_ramps(
         )
     observed = kind.observe(measurement)
     possible(kind.effects(observed, more), only, without)
+    warn(findings)
     progress("the nominal model")
     prepared = prepare(observed, more, only=only, without=without)
     search = _search(prepared, kind, progress)

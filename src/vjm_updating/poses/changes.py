@@ -25,10 +25,10 @@ from vjm_updating.inference.significance import (
     more_than_noise,
     paired_gain,
 )
-from vjm_updating.poses.families import DISPLACEMENT, DRIVES, LOAD, ZEROS
+from vjm_updating.poses.families import DRIVES, LOAD, ZEROS
 from vjm_updating.poses.fit import factor_of, likeliest, places
 from vjm_updating.poses.forward import BASE_PLACE, BASE_TURN, MARKER_FRAME, MARKER_PLACE
-from vjm_updating.poses.pooled import PooledStudy, zero_of
+from vjm_updating.poses.pooled import PooledStudy, unknowns_of, zero_of
 from vjm_updating.poses.state import FittedState, Hypothesis, folds_of
 from vjm_updating.poses.study import TAIL, SeriesStudy, Study
 
@@ -116,7 +116,7 @@ def _kinds(study: SeriesStudy, state: FittedState) -> Iterator[tuple[ChangeKind,
             own[:, i] = linearised.nuisance[:, i, :3, 6 + 3 * i : 9 + 3 * i]
             yield ChangeKind.MARKER, marker, own
     # a zero of the displacements is the shift above
-    zeros = [(i, m) for i, m in enumerate(study.members) if m.family in ZEROS and m.kind != DISPLACEMENT]
+    zeros = [(i, m) for i, m in enumerate(study.members) if m.set_anew]
     for family, kind in (("joint_offset", ChangeKind.JOINT_ZERO), ("instrument_zero", ChangeKind.LOAD_ZERO)):
         for subject in dict.fromkeys(m.subject for _, m in zeros if m.family == family):
             members = [i for i, m in zeros if m.family == family and m.subject == subject]
@@ -480,12 +480,13 @@ def cut(study: Study, series_changes: Sequence[ChangePoint]) -> tuple[Study, lis
 def changed_by(change: ChangePoint) -> list[str]:
     """Names of the nuisances and zeros that a change changes, see `vjm_updating.poses.pooled.unknowns_of`."""
     study = change.study
-    zeros = [m for m in study.members if m.family in ZEROS]
+    zeros = [m for m in study.members if m.set_anew]
     match change.kind:
         case ChangeKind.SHIFT:
             if study.turns_with_tracker:
                 return [BASE_PLACE]
-            return [zero_of(m) for m in zeros if m.kind == DISPLACEMENT]
+            # no unknown of displacements shifts them all: anything may have changed
+            return [name for name, _ in unknowns_of(study.forward(), zeros)]
         case ChangeKind.FRAME:
             return [BASE_TURN, BASE_PLACE]
         case ChangeKind.MARKER:
@@ -503,7 +504,7 @@ def _part(study: SeriesStudy, first: int, last: int) -> SeriesStudy | None:
     if (first, last) == (0, len(study.data)):
         return study
     seen = int(study.present[first:last].sum())
-    unknowns = study.forward().nuisances + sum(m.family in ZEROS for m in study.members)
+    unknowns = study.forward().nuisances + sum(m.set_anew for m in study.members)
     if seen < READINGS * unknowns:
         return None
     keep = np.arange(first, last)

@@ -55,6 +55,15 @@ class FamilyParameter(FitParameter):
     unit: str
     basis: Array | None = None
 
+    @property
+    def set_anew(self) -> bool:
+        """Whether it is another one in each series: a zero of an encoder or of a force sensor.
+
+        A zero of displacements is one of all series. Were it fitted in each, it would take up what the model misses
+        in the mean.
+        """
+        return self.family in ZEROS and self.kind != DISPLACEMENT
+
 
 LARGEST_COMPLIANCE = {
     "drive": (1e-5, "rad/(N mm)", "100 N m/rad: the smallest strain-wave gears that are sold have 90"),
@@ -99,7 +108,7 @@ SECOND = (
 
 DRIVES = "actuator_compliance"
 ZEROS = ("joint_offset", "instrument_zero")
-"""Zeros of encoders and instruments, which are set anew between series of a machine."""
+"""Zeros of encoders and instruments; see `FamilyParameter.set_anew`."""
 
 
 def members_of(machine: PoseMachine, data: PoseData, torque: Array, *, ordered: bool) -> list[FamilyParameter]:

@@ -17,7 +17,7 @@ from vjm.rotations import Array
 from vjm_updating.constants import numerical, prior_scale
 from vjm_updating.inference.significance import FALSE_ALARMS, NORMAL_95
 from vjm_updating.poses.document import HalvesRow, MemberRow
-from vjm_updating.poses.families import DRIFT, ZEROS
+from vjm_updating.poses.families import DRIFT
 from vjm_updating.poses.fit import best_of, precision_of, without
 from vjm_updating.poses.forward import ReadingsForward
 from vjm_updating.poses.machine import PoseMachine
@@ -214,9 +214,9 @@ def distances_of(one: SeriesStudy, study: Study, state: FittedState) -> Array:
     values = {m.name: z * m.scale for m, z in pairs if m.family in families}
     forward = one.forward_of(one.machine, one.data)
     # a drift is of the series in which it was seen
-    forward.members = [m for m in one.all_members if m.kind != DRIFT and (m.name in values or m.family in ZEROS)]
+    forward.members = [m for m in one.all_members if m.kind != DRIFT and (m.name in values or m.set_anew)]
     z = np.array([values.get(m.name, 0.0) / m.scale for m in forward.members])
-    zeros = [i for i, m in enumerate(forward.members) if m.family in ZEROS]
+    zeros = [i for i, m in enumerate(forward.members) if m.set_anew]
     if state.hypothesis.as_deflected:
         forward = forward.with_machine(one.machine_of(state.hypothesis.as_deflected))
     return refitted(one, forward, z, zeros)[0]
@@ -277,6 +277,6 @@ def by_machine(study: Study, chain: Machine | None = None, *, zeros: bool = Fals
     extended = replace(data, joints=machine.joints, q=q, torque=np.full(q.shape, np.nan))
     forward = study.forward_of(machine, extended)
     if zeros:
-        forward.members = [m for m in study.all_members if m.family in ZEROS]
+        forward.members = [m for m in study.all_members if m.set_anew]
     free = list(range(len(forward.members)))
     return refitted(study, forward, np.zeros(len(free)), free)

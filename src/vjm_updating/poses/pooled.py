@@ -257,9 +257,7 @@ class PooledStudy(Study):
                 else:
                     before = {}
                 own = forward if not key else forward.with_machine(one.machine_of(key))
-                zeros = [
-                    k for k, m in enumerate(one.members) if m.family in ZEROS and (several or zero_of(m) in changed)
-                ]
+                zeros = [k for k, m in enumerate(one.members) if m.set_anew and (several or zero_of(m) in changed)]
                 unknowns = unknowns_of(own, [one.members[k] for k in zeros])
                 for unknown in unknowns:
                     if unknown not in before or unknown[0] in self.anew[i]:
