@@ -186,8 +186,8 @@ class RangeRow(Row):
         description="by how much those in the file do; a prior holds this to what the model before it misses"
     )
     error_mm: float = Field(
-        description="predicted error of the file: how far fits without one region of the postures each lie apart, "
-        "and what the model lacks, which is what regions that were held out missed beyond the noise"
+        description="predicted error of the file: how far fits without one region of the postures each lie apart. "
+        "What the model lacks is added: what regions that were held out missed beyond the noise"
     )
     unsupported: list[str] = Field(
         description="members that these postures know, and that are nearer to the model's value in the file"
