@@ -76,9 +76,7 @@ def diagnose(
     made_of = made_of.reading({f"effects {file.name}": digest(file.read_bytes()) for file in map(_source, effects)})
     made_of = _beside(made_of, beside)
     test = data.test if effects or beside else _as_it_is(data.test)
-    # names of causes are known once mistaken readings are put right: ramps tell of these after that
-    late = isinstance(test, Measurement)
-    considered = _considered(replace(data, test=test), (lambda _: None) if late else warn, strict=strict)
+    seen = replace(data, test=test)
     match test:
         case FrequencyMeasurement():
             raise ValueError(
@@ -92,21 +90,17 @@ def diagnose(
                 raise ValueError(
                     f"{data.sheet}: --beside takes a test of the same kind: {beside[0].sheet} is another"
                 )
+            # it tells when names of causes are known to be right, which is once mistaken readings are put right
             return diagnose_ramps(
-                test,
-                considered,
-                warn,
-                effects=effects,
-                only=only,
-                without=without,
-                beside=second,
-                progress=progress,
-            ).stamped(made_of)
+                test, _considered(seen, strict=strict), warn, effects=effects, only=only, without=without,
+                beside=second, progress=progress,
+            ).stamped(made_of)  # fmt: skip
         case PreparedTest():
             _refuse(data, effects, f"--effects is for ramps, and this is {KINDS[data.kind]}")
             return diagnose_poses(
-                test, considered, only=only, without=without, beside=_series(data, beside), progress=progress
-            ).stamped(made_of)
+                test, _considered(seen, warn, strict=strict), only=only, without=without,
+                beside=_series(data, beside), progress=progress,
+            ).stamped(made_of)  # fmt: skip
         case _:
             assert_never(test)
 
@@ -197,7 +191,7 @@ def calibrate(
 
 
 def _considered(
-    data: DataSet, warn: Callable[[Sequence[Finding]], None], *, strict: bool, force: bool = True
+    data: DataSet, warn: Callable[[Sequence[Finding]], None] = lambda _: None, *, strict: bool, force: bool = True
 ) -> Callable[[], list[Finding]]:
     """What looks at a test of any kind before anything is fitted, and tells what is implausible about it.
 

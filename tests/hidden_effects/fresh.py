@@ -46,7 +46,7 @@ SETS_OF_A_DESIGN = 6
 """Sets for one design of the package's injector, whose signatures take long."""
 BEGIN, END = "<!-- fresh: begin -->", "<!-- fresh: end -->"
 """Between these the tables of a page stand."""
-OK, BAD_INPUT, INTERRUPTED = 0, 2, 130
+OK = 0
 
 app = App(name="fresh", help="Draw sets with hidden causes, have them diagnosed, score the probabilities.")
 

@@ -2,7 +2,6 @@
 
 from typing import Any
 
-Sets = list[list[str]]
 RATIOS = ("factor", "ratio", "stiffness_ratio")
 """Last words of parameters whose error is taken on r − 1."""
 

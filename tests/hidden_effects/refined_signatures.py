@@ -34,16 +34,8 @@ SETTLED = 0.02
 """Strength by which a step must come nearer for another one."""
 
 
-@dataclass(frozen=True)
-class Point:
-    """A cause at some sizes."""
-
-    flat: Array
-    whitened: Array
-
-
-Added = tuple[str, str, Point]
-"""A point of a cause, and where that sits."""
+Added = tuple[str, str, Array]
+"""A cause, where it sits, and what it changes at some sizes, whitened ``(n c,)``."""
 
 
 @dataclass(frozen=True)
@@ -67,17 +59,17 @@ class Refit:
         except NoTruthError:
             return None
 
-    def simulated(self, put: Put, size: float) -> Point | None:
-        """A cause of a size in the machine; None where the simulator gives up, or a lumped link lacks the cause."""
+    def simulated(self, put: Put, size: float) -> Array | None:
+        """What a cause of a size changes ``(n c,)``; None where the simulator gives up or a lumped link lacks it."""
         seen = self.known.visibility
         try:
             flat = change_of(seen, self.rig, self.base, put, size)
         except NoTruthError:
             return None
-        return Point(flat, seen.whitened_flat(flat)) if flat.any() else None
+        return seen.whitened_flat(flat) if flat.any() else None
 
-    def point(self, cause: str, label: str, sizes: Array) -> Point | None:
-        """A cause at its sizes ``(k,)``, see `_form`; None where it has no place or the simulator gives up."""
+    def point(self, cause: str, label: str, sizes: Array) -> Array | None:
+        """The same at its sizes ``(k,)``, see `_form`; None also where it has no place."""
         seen = self.known.visibility
         laws, size = _form(cause, sizes, self.laws)
         largest = seen.largest
@@ -89,7 +81,7 @@ class Refit:
         (put,) = family.members
         return self.simulated(put, float(np.clip(size, -family.most, family.most)))
 
-    def nearest(self, cause: str, target: Array) -> tuple[str, Point] | None:
+    def nearest(self, cause: str, target: Array) -> tuple[str, Array] | None:
         """Label and point of a cause nearest to a whitened change ``(n c,)``, from where its coarse curves are."""
         fit = self.known.nearest(target, [cause])
         curve = next((c for c in self.known.curves if c.cause == cause and fit.weights[list(c.nodes)].any()), None)
@@ -105,22 +97,22 @@ class Refit:
                 # nothing of it is nearest, and has no direction
                 break
             slopes = self._slopes(cause, curve.label, sizes, here)
-            step = np.linalg.lstsq(slopes, target - here.whitened, rcond=1e-6)[0]
-            before = float(np.linalg.norm(target - here.whitened))
+            step = np.linalg.lstsq(slopes, target - here, rcond=1e-6)[0]
+            before = float(np.linalg.norm(target - here))
             for k in range(HALVED):
                 moved = _inside(cause, sizes + 0.5**k * step, sizes)
                 there = self.point(cause, curve.label, moved)
-                if there is not None and float(np.linalg.norm(target - there.whitened)) < before:
+                if there is not None and float(np.linalg.norm(target - there)) < before:
                     sizes, here = moved, there
                     break
-            if before - float(np.linalg.norm(target - here.whitened)) < SETTLED:
+            if before - float(np.linalg.norm(target - here)) < SETTLED:
                 break
         return None if here is None else (curve.label, here)
 
-    def _slopes(self, cause: str, label: str, sizes: Array, here: Point) -> Array:
+    def _slopes(self, cause: str, label: str, sizes: Array, here: Array) -> Array:
         """Derivatives ``(n c, k)`` of the whitened change by the sizes."""
         scale = float(np.abs(sizes).max())
-        columns = np.zeros((len(here.whitened), len(sizes)))
+        columns = np.zeros((len(here), len(sizes)))
         for k in range(len(sizes)):
             outwards = DIFFERENCE * scale * (1.0 if sizes[k] >= 0.0 else -1.0)
             for h in (outwards, -outwards):
@@ -128,7 +120,7 @@ class Refit:
                 moved[k] += h
                 there = self.point(cause, label, moved)
                 if there is not None:
-                    columns[:, k] = (there.whitened - here.whitened) / h
+                    columns[:, k] = (there - here) / h
                     break
         return columns
 
@@ -150,7 +142,7 @@ def sharpened_pairs(known: Signatures, target: Array, pair: Sequence[Hidden]) ->
         if own:
             ((_, _, point),) = own
             beside = Refit.into(known, other.laws, kept)
-            added += [*own, *_hidden_point(beside, other), *_nearest(beside, target - point.whitened)]
+            added += [*own, *_hidden_point(beside, other), *_nearest(beside, target - point)]
     return _with(known, added)
 
 
@@ -176,7 +168,7 @@ def _with(known: Signatures, added: Sequence[Added]) -> Signatures:
     if not added:
         return known
     seen = known.visibility
-    white = np.array([*known.nodes, *(point.whitened for _, _, point in added)])
+    white = np.array([*known.nodes, *(point for _, _, point in added)])
     first = len(known.nodes)
     # a plane is straight: what it seems to reach, the refit has shown to be there or not
     bent = {cause for cause, _, _ in added}

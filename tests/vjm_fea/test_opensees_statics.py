@@ -47,6 +47,7 @@ def cantilever(**of_beam):
 
 @needs_opensees
 def test_any_chain_has_the_lumped_model_s_unloaded_stiffness_and_stations(odd_chain, linear_stiffness):
+    # both solve one linear system: rounding times its condition
     agrees_with_springs(OpenSeesEngine(3), odd_chain, linear_stiffness, within=1e-9)
 
 

@@ -272,7 +272,7 @@ SHOWN = shown(12)
 def diagnose_ramps(
     measurement: Measurement,
     considered: Callable[[], list[Finding]],
-    warn: Callable[[Sequence[Finding]], None] = lambda _: None,
+    warn: Callable[[Sequence[Finding]], None],
     *,
     effects: Sequence[Path | Maker] = (),
     only: Sequence[str] = (),

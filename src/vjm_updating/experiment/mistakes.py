@@ -335,7 +335,7 @@ def mistaken_stretches(
     Returns:
         The first row, the one behind the last, and by number the costs of the mistakes that are not `ODDS` times
         less probable than the best, which comes first.
-    """  # fmt: skip
+    """
     path = most_probable(level, whole, step)
     for begin, end in runs(path):
         if path[begin] == 0:

@@ -446,11 +446,10 @@ def _zeros(data: DeflectionData) -> list[FamilyParameter]:
     largest = np.abs(data.load).max(axis=0)
     read = np.nanmax(np.abs(data.position), axis=0, initial=0.0)
     zeros = [
-        (LOAD, point, 6 * j + a, label, float(half.max()), "N" if a < 3 else "N mm")
+        (LOAD, point, 6 * j + a, label, float(largest[j].reshape(2, 3)[a // 3].max()), "N" if a < 3 else "N mm")
         for j, point in enumerate(data.loads)
         for a, label in enumerate(("fx", "fy", "fz", "mx", "my", "mz"))
         if largest[j, a] > 0.0
-        for half in [largest[j, :3] if a < 3 else largest[j, 3:]]
     ]
     zeros += [
         (DISPLACEMENT, marker, 6 * j + a, f"d{axis}", float(read[j].max()), "mm")

@@ -248,7 +248,7 @@ def test_where_none_of_a_cause_is_nearest_it_has_no_direction(known, monkeypatch
     target = whitened(known, family_of(known, "base_compliance", Laws()), 2e-6)
     refit = Refit.into(known, Laws())
     _, nearest = refit.nearest("base_compliance", target)
-    assert np.linalg.norm(nearest.whitened) < 1e-3 * np.linalg.norm(target)
+    assert np.linalg.norm(nearest) < 1e-3 * np.linalg.norm(target)
 
 
 # Strength is docs/measured-data.md's minimum, found here by brute minimisation.
