@@ -60,7 +60,7 @@ class Refit:
             return None
 
     def simulated(self, put: Put, size: float) -> Array | None:
-        """What a cause of a size changes ``(n c,)``; None where the simulator gives up or a lumped link lacks it."""
+        """What a cause changes, ``(n c,)``; None where the simulator gives up or a lumped link lacks it."""
         seen = self.known.visibility
         try:
             flat = change_of(seen, self.rig, self.base, put, size)
