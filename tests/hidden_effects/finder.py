@@ -112,6 +112,7 @@ def diagnosed(
 def _run(arguments: Sequence[str]) -> str:
     """Run the command in this process; empty, or what went wrong."""
     # imported late: who only makes sets needs no diagnosis
+    from vjm_validation.cli import INTERRUPTED
     from vjm_validation.cli.main import run
 
     said = io.StringIO()
@@ -123,6 +124,9 @@ def _run(arguments: Sequence[str]) -> str:
     except Exception as error:
         # a diagnosis that breaks is a finding, not the end of the campaign
         return f"{type(error).__name__}: {' '.join(str(error).split())}"[:500]
+    if status == INTERRUPTED:
+        # the campaign ends too: this set has no answer that could be kept
+        raise KeyboardInterrupt
     text = " ".join(said.getvalue().split())
     return f"status {status}: {text}"[:500] if status not in (0, 1) else ""
 

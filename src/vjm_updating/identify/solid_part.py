@@ -25,7 +25,6 @@ from vjm_fea.solid.identify import Bound, SolidCompliance
 from vjm_output import optional_drawing
 from vjm_output.documents import Matrix, Row
 from vjm_output.number_text import number, percent
-from vjm_output.plots import PAGE_WIDTH, figure, png
 from vjm_output.terminal import TerminalTable, two_columns
 from vjm_updating.constants import numerical, physical_bound, shown, tuned
 from vjm_updating.identify.beam_fit import Target
@@ -247,6 +246,8 @@ TRIED = shown(100)
 
 def numbered_faces(faces: Sequence[Face]) -> bytes:
     """A PNG file of a drawing seen from two sides, every face in a colour with its number."""
+    from vjm_output.plots import PAGE_WIDTH, figure, png
+
     with figure(0.5 * PAGE_WIDTH * SIZE[1] / SIZE[0] + 0.3) as (fig, axes):
         for ax, view in zip(axes, ((1.0, -1.4, 0.9), (-1.0, 1.4, -0.9)), strict=True):
             ax.imshow(_faces_from(faces, view))
@@ -323,6 +324,8 @@ def wrench_picture(part: SolidCompliance, tip: TipLoad, wrench: Array) -> bytes:
 
 
 def _panels(part: SolidCompliance, cases: Sequence[tuple[str, Array, bool | None]]) -> bytes:
+    from vjm_output.plots import PAGE_WIDTH, figure, png
+
     columns = min(3, len(cases))
     rows = len(cases) // columns
     width = PAGE_WIDTH / columns

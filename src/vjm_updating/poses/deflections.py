@@ -396,6 +396,8 @@ def in_base(load: Array, R: Array, tables: Sequence[DeflectionLoadTable]) -> Arr
 # The scale of all loads is one with all compliances, and is not asked.
 
 COMPLIANCES = ("actuator_compliance", "lateral_compliance", "base_compliance", "link_compliance")
+LAWS = ("tension_compression_asymmetry", "actuator_hardening", "actuator_backlash")
+"""What a joint's spring has beyond its compliance, functions of its torque."""
 NOT_SHOWN = ("joint_offset", "frame_error", "gear_error", "encoder_scale", "approach", "tracker_drift", "gravity")
 """Families of poses that a difference of two equilibria does not show, but in the second order."""
 ONE_PERCENT = prior_scale(0.01)
@@ -579,17 +581,20 @@ class DeflectionStudy(SeriesStudy):
         blank = self.data.only(np.zeros(g, dtype=int))
         data = replace(blank, q=candidates.q, load=candidates.load, row=np.arange(g))
         machine = self.machine_of(state.hypothesis.as_deflected)
-        forward = DeflectionForward(machine, data, self.sheet)
-        by_name = {
-            m.name: m
-            for m in members_of_loads(machine, data, forward, self.forward_of(machine, self.data).torques())
-        }
-        still = np.zeros(g)
+        return self.of_others(self.members, machine, data).evaluate(state.z, state.frames)
+
+    def of_others(
+        self, members: Sequence[FamilyParameter], machine: PoseMachine, data: DeflectionData
+    ) -> DeflectionForward:
+        """The model of other readings; members that are functions of a torque are so of theirs."""
+        forward = self.forward_of(machine, data)
+        by_name = {m.name: m for m in members_of_loads(machine, data, forward, self.torques)}
+        still = np.zeros(len(data))
         forward.members = [
             m if m.basis is None else replace(m, basis=by_name[m.name].basis if m.name in by_name else still)
-            for m in self.members
+            for m in members
         ]
-        return forward.evaluate(state.z, state.frames)
+        return forward
 
     def under_loads(self, q: Array, rng: np.random.Generator) -> Candidates:
         """Each posture under one load: along one axis of one point, as large as the largest that was measured."""

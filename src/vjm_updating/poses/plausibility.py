@@ -45,6 +45,7 @@ from vjm_updating.experiment.plausibility import said
 from vjm_updating.inference.significance import CUT, FALSE_ALARMS, MEDIAN_TO_SIGMA, more_than_noise
 from vjm_updating.poses.deflections import (
     COMPLIANCES,
+    LAWS,
     SHIFT,
     DeflectionData,
     DeflectionForward,
@@ -664,7 +665,10 @@ def deflections_considered(
 
 
 class BesideSprings(Beside[DeflectionData, Array]):
-    """Displacements beside those of springs of the joints and of their bearings, none negative."""
+    """Displacements beside those of springs of the joints and of their bearings, none negative.
+
+    A joint's spring may be cracked, harden, or have backlash: such readings are no mistakes.
+    """
 
     misses = "the model with springs in its joints misses the displacements"
 
@@ -672,8 +676,8 @@ class BesideSprings(Beside[DeflectionData, Array]):
         super().__init__(data, len(data.joints), SHIFT)
         self.columns["load"] = tuple(f"{point}.{name}" for point in data.loads for name in WRENCH)
         self.study = study
-        self.springs = [member for member in study.members if member.family in COMPLIANCES[:2]]
-        self._known: list[tuple[Array, Array, tuple[Array, Array]]] = []
+        self.members = [member for member in study.members if member.family in (*COMPLIANCES[:2], *LAWS)]
+        self._known: list[tuple[Array, Array, tuple[Array, Array, Array]]] = []
 
     def ways(self, *, whole: bool) -> Iterator[Mistake]:
         """See `Beside`; springs of any size explain another unit of all. Axes that are found cannot be wrong."""
@@ -710,37 +714,55 @@ class BesideSprings(Beside[DeflectionData, Array]):
 
     def fitted(self, data: DeflectionData, rows: np.ndarray) -> Array:
         """See `Beside`: sizes ``(P,)`` of the springs."""
-        moved, J = self._moved(data)
+        moved, J, lower = self._moved(data)
         y = (data.position - moved)[rows]
         seen = np.isfinite(y)
         sigma = data.sigma[rows][seen]
-        lower = np.array([spring.low for spring in self.springs])
         return springs_to(J[rows][seen] / sigma[:, None], y[seen] / sigma, lower)
+
+    def error(self, data: DeflectionData) -> float:
+        """See `Beside`; as many readings as springs say nothing of the other ones."""
+        fitted = self.fitted(data, np.arange(len(data)))
+        readings = int(np.isfinite(data.position - self._moved(data)[0]).sum())
+        more = readings - np.count_nonzero(fitted)
+        return super().error(data) * np.sqrt(readings / more) if more > 0 else np.inf
 
     def residual(self, data: DeflectionData, fitted: Array) -> Array:
         """See `Beside`."""
-        moved, J = self._moved(data)
+        moved, J, _ = self._moved(data)
         return data.position - moved - J @ fitted
 
     def stands(self, data: DeflectionData) -> bool:
         """Whether the machine has an equilibrium in each posture."""
         return bool(np.isfinite(self._moved(data)[0]).all())
 
-    def _moved(self, data: DeflectionData) -> tuple[Array, Array]:
-        """Displacements ``(g, k, 3)`` mm of the machine without springs, and by each spring ``(g, k, 3, P)``."""
+    def _moved(self, data: DeflectionData) -> tuple[Array, Array, Array]:
+        """Displacements ``(g, k, 3)`` mm without springs, by each spring ``(g, k, 3, P)``, its least ``(P,)``."""
         # changes of the displacements alone leave postures and loads as they are
         for q, load, displacements in self._known:
             if q is data.q and load is data.load:
                 return displacements
         every = replace(data, position=np.zeros_like(data.position))
-        forward = DeflectionForward(self.study.machine, every, self.study.sheet)
-        forward.members = self.springs
         try:
-            linearised = forward.evaluate(np.zeros(len(self.springs)), self.study.frames)
-            displacements = -linearised.residual[..., :3], linearised.member[..., :3, :]
+            forward = self.study.of_others(self.members, self.study.machine, every)
+            linearised = forward.evaluate(np.zeros(len(self.members)), self.study.frames)
+            displacement, J = -linearised.residual[..., :3], linearised.member[..., :3, :]
         except NoConvergenceError:
             shape = data.position.shape
-            displacements = np.full(shape, np.inf), np.zeros((*shape, len(self.springs)))
+            displacement, J = np.full(shape, np.inf), np.zeros((*shape, len(self.members)))
+        lower = np.array([member.low for member in self.members])
+        own = {member.subject: i for i, member in enumerate(self.members) if member.family == COMPLIANCES[0]}
+        for i, law in enumerate(self.members):
+            if law.family == LAWS[0] and law.subject in own:
+                # a spring for either side, neither below its least
+                spring = own[law.subject]
+                half = J[..., i] * (self.members[spring].scale / law.scale)
+                J[..., i], J[..., spring] = 0.5 * (J[..., spring] - half), 0.5 * (J[..., spring] + half)
+                lower[i] = lower[spring]
+        # what has either sign is the difference of two that have none
+        either = np.isinf(lower)
+        J, lower = np.concatenate([J, -J[..., either]], axis=-1), np.where(either, 0.0, lower)
+        displacements = displacement, J, np.concatenate([lower, np.zeros(int(either.sum()))])
         self._known.append((data.q, data.load, displacements))
         return displacements
 

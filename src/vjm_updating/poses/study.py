@@ -503,7 +503,8 @@ class SeriesStudy(Study):
         forward = self.forward_of(machine, data)
         self._forward: dict[tuple[str, ...], SeriesForward] = {(): forward}
         self.all_members = self.members_for(forward)
-        self.members, self.unasked = knowable(self.all_members, machine, data, forward.torques())
+        self.torques = forward.torques()
+        self.members, self.unasked = knowable(self.all_members, machine, data, self.torques)
         forward.members = self.members
         bearing = forward.bearing()
         self._law_shapes = [law_shape(member, data, bearing) for member in self.members]
