@@ -123,6 +123,8 @@ MARGIN = numerical(1.05)
 """How far beyond the furthest reading tables go."""
 KEPT = numerical(2000)
 """Tables that are kept."""
+AT_HAND = numerical(16)
+"""Machines of which all tables are kept side by side: those of one differentiation."""
 ROUNDS = numerical(3)
 """Of friction, relaxation and elements in turn."""
 
@@ -194,6 +196,9 @@ class Forward(Predictor):
     _tables: OrderedDict[Key, PathTable] = field(default_factory=OrderedDict)
     _known_pulls: dict[tuple[str, tuple[float, ...]], Array] = field(default_factory=dict)
     _known_ramps: dict[tuple[tuple[int, int], ...], list[Ramp]] = field(default_factory=dict, init=False)
+    _sheaves: OrderedDict[tuple[object, ...], tuple[Sheaf, list[OnRay]]] = field(
+        default_factory=OrderedDict, init=False
+    )
 
     def branched(self, ray: Ray, sign: int, reach: float) -> bool:
         """Whether a half-ray has a bifurcation within its reach, in any table made so far."""
@@ -225,10 +230,10 @@ class Forward(Predictor):
         for effect, v in own:
             place = effect.imposed(place, v)
         if beside is None:
-            sheaf, tables = self._lookup(machine, own, place)
+            sheaf, tables = self._lookup(machine, own)
         else:
             reference = self.machine(unknowns, beside, hypothesis)
-            sheaf, tables = self._lookup(machine, own_effects(unknowns, beside, hypothesis), place, reference)
+            sheaf, tables = self._lookup(machine, own_effects(unknowns, beside, hypothesis), reference)
         look = sheaf.at
         elements = [element for effect, v in own for element in effect.elements(machine, v)]
         limit = sum((np.asarray(effect.friction(v)) for effect, v in own), np.zeros(1))
@@ -247,10 +252,10 @@ class Forward(Predictor):
             wrench, stiffness = look(place)
         local = not histories and all(isinstance(element.law, Memoryless) for element in elements)
         exact = partial(self._slope, unknowns, z, hypothesis, machine, wrench, errors.gain[:, None] * stiffness)
-        turned = np.eye(6)
+        turned = along = np.eye(6)
         for effect, v in own:
             turned = effect.imposed(turned, v)
-        stiffness = stiffness @ turned.T
+        stiffness = stiffness if turned is along else stiffness @ turned.T
         residual = errors.residual(observed.measured - of_wrench, wrench)
         return Evaluation(z, residual, wrench, stiffness, place, errors, exact if local else None)
 
@@ -275,19 +280,33 @@ class Forward(Predictor):
         self,
         machine: ModifiedMachine,
         own: Sequence[tuple[Effect, Sequence[float]]],
-        place: Array,
         reference: ModifiedMachine | None = None,
     ) -> tuple[Sheaf, list[OnRay]]:
         """The tables of all rays, to be looked up by displacement, and the rays' tables of both signs.
 
-        Of a machine near a ``reference`` the tables are as exact as a derivative needs.
+        Of a machine near a ``reference`` the tables are as exact as a derivative needs. Hypotheses that differ in
+        laws alone share them.
         """
+        ramps = self._ramps
+        directions = np.array([ramp.ray.direction for ramp in ramps])
+        for effect, v in own:
+            directions = effect.imposed(directions, v)
+        near = None if reference is None or reference.key == machine.key else reference.key
+        key = machine.key, near, directions.tobytes(), tuple(self.branches.items())
+        known = self._sheaves.pop(key, None)
+        if known is None:
+            known = self._tabulated(machine, ramps, directions, reference)
+        self._sheaves[key] = known
+        if len(self._sheaves) > AT_HAND:
+            self._sheaves.popitem(last=False)
+        return known
+
+    def _tabulated(
+        self, machine: ModifiedMachine, ramps: Sequence[Ramp], directions: Array, reference: ModifiedMachine | None
+    ) -> tuple[Sheaf, list[OnRay]]:
+        """As of `_lookup`, for ramps along ``directions`` (r, 6)."""
         tables = []
-        for ramp in self._ramps:
-            direction = ramp.ray.direction[None]
-            for effect, v in own:
-                direction = effect.imposed(direction, v)
-            d = direction[0]
+        for ramp, d in zip(ramps, directions, strict=True):
             measure = ramp.ray.measure @ _turned(ramp.ray.direction, d)
             up, down = (
                 self._table(machine, HalfRay.of(ramp.ray.posture, sign * d, reach, branch, places), reference)
@@ -297,7 +316,7 @@ class Forward(Predictor):
             self._check_reach(down, ramp.places[1])
             tables.append((ramp.index, measure, up, down, d))
 
-        n = len(place)
+        n = len(self.observed.imposed)
         both, measures, along = np.zeros((n, 2), dtype=np.int64), np.empty((n, 6)), np.empty((n, 6))
         for k, (index, measure, _, _, d) in enumerate(tables):
             both[index] = 2 * k, 2 * k + 1
@@ -308,7 +327,7 @@ class Forward(Predictor):
     def behind_bifurcation(self, unknowns: Sequence[FitParameter], z: Array, hypothesis: Hypothesis) -> np.ndarray:
         """Whether each reading ``(n,)`` lies behind a bifurcation of the machine of coordinates ``(n_z,)``."""
         place = instrument_errors(unknowns, z, self.observed.slots).true_displacement(self.observed.imposed)
-        _, tables = self._lookup(self.machine(unknowns, z, hypothesis), own_effects(unknowns, z, hypothesis), place)
+        _, tables = self._lookup(self.machine(unknowns, z, hypothesis), own_effects(unknowns, z, hypothesis))
         result = np.zeros(len(place), dtype=bool)
         for index, measure, up, down in tables:
             s = place[index] @ measure
@@ -368,7 +387,7 @@ class Forward(Predictor):
         histories: Sequence[Callable[[Array], Array]],
     ) -> tuple[Array, Array]:
         """The equilibrium with wrenches that follow from the history of the chain's own displacements."""
-        own = place
+        own, extension = place, None
         for _ in range(ROUNDS if elements else 1):
             extra = np.sum([history(own) for history in histories], axis=0)
 
@@ -376,8 +395,8 @@ class Forward(Predictor):
                 W, K = look(u)
                 return W + extra, K
 
-            balanced = balance(with_extra, place, elements, self.observed.history)
-            own = balanced.pose
+            balanced = balance(with_extra, place, elements, self.observed.history, extension)
+            own, extension = balanced.pose, balanced.extension
         return balanced.wrench, balanced.stiffness
 
     def _friction(self, sheaf: Sheaf, own: Array, limit: Array, presliding: float) -> Array:

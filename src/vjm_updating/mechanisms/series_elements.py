@@ -243,26 +243,28 @@ def force_on(place: ElementSite, wrench: Array, history: History) -> Array:
 
 
 def balance(
-    look: Callable[[Array], tuple[Array, Array]], pose: Array, elements: Sequence[SeriesElement], history: History
+    look: Callable[[Array], tuple[Array, Array]],
+    pose: Array,
+    elements: Sequence[SeriesElement],
+    history: History,
+    begin: Array | None = None,
 ) -> Balance:
     """The equilibrium of a chain with elements at imposed displacements, in their order.
 
     Newton's method on the extensions of all readings at once, each bracketed by what it has been tried with.
     ``look`` gives wrenches (n, 6) and stiffnesses (n, 6, 6) of the chain at displacements (n, 6), as ``pose``
-    imposes them.
+    imposes them. It begins at extensions ``begin`` (n, e), at none by default.
 
     Raises:
         NoConvergenceError: none was found.
     """
-    wrench, stiffness = look(pose)
     n, e = len(pose), len(elements)
-    x = np.zeros((n, e))
     if not e:
-        return Balance(pose, wrench, stiffness, x)
+        return Balance(pose, *look(pose), np.zeros((n, e)))
     most = np.array([element.most for element in elements], dtype=float)
     low, high = -np.broadcast_to(most, (n, e)).copy(), np.broadcast_to(most, (n, e)).copy()
     bracketed = np.array([not element.smooth for element in elements])
-    own, slopes, gap = np.array(pose, dtype=float), np.zeros((n, e)), np.empty((n, e))
+    slopes, gap = np.zeros((n, e)), np.empty((n, e))
     places = [element.place for element in elements]
     motions, pulls, bends, levers = (
         np.stack(each, axis=1)
@@ -270,6 +272,12 @@ def balance(
     )
     lever = float(np.abs(history.lever).max())
     size = np.maximum(np.abs(motions[:, :, :3]), lever * np.abs(motions[:, :, 3:])).max(axis=(0, 2))
+    if begin is None:
+        x, own = np.zeros((n, e)), np.array(pose, dtype=float)
+    else:
+        x = begin.copy()
+        own = pose - np.einsum("ne,nek->nk", x, motions + 0.5 * x[:, :, None] * bends)
+    wrench, stiffness = look(own)
     for _ in range(ITERATIONS):
         forces = driven(pulls, levers, x, wrench)
         for i, element in enumerate(elements):

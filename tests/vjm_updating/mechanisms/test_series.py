@@ -179,6 +179,23 @@ def test_every_reading_is_in_balance_whenever_the_others_are(machine, many):
     np.testing.assert_allclose(found.extension[:, 0], wanted, rtol=0.0, atol=1e-7)
 
 
+def test_a_balance_that_begins_at_itself_stays(machine):
+    look, history = look_of(machine, "A", 2.0), history_of(machine, "A", 6)
+    u = np.outer(np.linspace(0.001, 0.015, 6), X)
+    elements = ActuatorBacklash().elements(machine, (0.04, 0.0, 2.0, 0.0))
+    found, looks = balance(look, u, elements, history), []
+
+    def looked(pose):
+        looks.append(pose)
+        return look(pose)
+
+    again = balance(looked, u, elements, history, found.extension)
+    assert len(looks) == 1
+    # of displacements below a millimetre rounding alone
+    np.testing.assert_allclose(again.pose, found.pose, rtol=0.0, atol=1e-15)
+    np.testing.assert_array_equal(again.extension, found.extension)
+
+
 def test_a_balance_that_is_not_found_is_none(machine):
     # at no force does a travel that jumps meet a chain that deflects steadily
     jump = SeriesElement(
