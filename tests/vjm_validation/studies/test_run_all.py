@@ -48,8 +48,10 @@ def test_every_engine_has_every_path(finished_run, summary):
     folder, _ = finished_run
     for posture in "ABCD":
         for direction in ("tension", "compression"):
-            assert set(summary["chain"][posture][direction]) == set(ENGINES)
-            for engine in ENGINES:
+            own = set(summary["chain"][posture][direction])
+            # a whole run asks a second finite element program where it is installed
+            assert own - {"opensees"} == set(ENGINES)
+            for engine in own:
                 lines = (folder / "curves" / f"{posture}_{direction}_{engine}.csv").read_text().splitlines()
                 assert lines[0].startswith("# model=orthoglide-chain")
                 assert len(list(csv.DictReader(lines[1:]))) >= 2
