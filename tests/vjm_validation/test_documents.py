@@ -41,10 +41,6 @@ STEP = re.compile(
     re.DOTALL | re.MULTILINE,
 )
 PLACEHOLDER = re.compile(r"\b[A-Z]{3,}\b|…|\[--|\w\|\w|tcp://")
-SLOW = re.compile(
-    r"^validate (all|map|diagnose|calibrate|identify (orthoglide|.*--solid)|(check|show) parts/|buckling .*exudyn)"
-)
-"""Steps that take more than two seconds or so."""
 LAST_DIGITS = 1e-3
 """Of a number that a page shows."""
 
@@ -59,15 +55,12 @@ class Step:
 
     @property
     def placeholder(self) -> bool:
-        """Whether it has a placeholder, or serves a page until it is stopped: its options are looked at only."""
-        served = self.text.startswith("validate explore")
-        return self.kind == "command" and (served or PLACEHOLDER.search(self.text) is not None)
+        """Whether its options are looked at only.
 
-    @property
-    def slow(self) -> bool:
-        if self.kind == "program":
-            return "diagnose(" in self.text
-        return self.kind == "command" and not self.placeholder and SLOW.search(self.text) is not None
+        It has a placeholder, serves a page until it is stopped, or is what a whole run of `test_run_all` does.
+        """
+        served = self.text.startswith(("validate explore", "validate all --only verification"))
+        return self.kind == "command" and (served or PLACEHOLDER.search(self.text) is not None)
 
 
 def steps(page: Path) -> list[Step]:
@@ -166,25 +159,8 @@ def program(text: str, names: dict[str, Any], capfd: pytest.CaptureFixture[str])
         assert any(abs(value - other) < 0.06 for other in said), (value, out)
 
 
-def quick(page: Path) -> list[Step]:
-    """The steps before the first slow one."""
-    found = steps(page)
-    slow = [k for k, step in enumerate(found) if step.slow]
-    return found[: slow[0]] if slow else found
-
-
-WITH_SLOW = [page for page in PAGES if any(step.slow for step in steps(page))]
-
-
 @pytest.mark.slow
-@pytest.mark.parametrize("page", [page for page in PAGES if quick(page)], ids=name)
-def test_a_page_does_what_it_says_up_to_what_takes_long(page, tmp_path, monkeypatch, capfd):
-    monkeypatch.chdir(tmp_path)
-    follow(page, quick(page), capfd)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("page", WITH_SLOW, ids=name)
+@pytest.mark.parametrize("page", [page for page in PAGES if steps(page)], ids=name)
 def test_a_page_does_what_it_says(page, tmp_path, monkeypatch, capfd):
     if any("--solid" in step.text or "parts/" in step.text for step in steps(page)):
         from helpers.solids import gmsh_or_skip
@@ -197,7 +173,6 @@ def test_a_page_does_what_it_says(page, tmp_path, monkeypatch, capfd):
 def test_steps_are_found():
     page = ROOT / "docs/solid-parts.md"
     assert steps(page)[0].text == "validate example parts"
-    assert [step.text for step in quick(page)] == ["validate example parts"] or len(quick(page)) > 1
     assert Step("command", "validate calibrate DATA.csv --sheet SHEET.toml").placeholder
     assert Step("command", "validate map orthoglide --scheduler tcp://host:8786").placeholder
     assert not Step("command", "validate stiffness ur10 --posture work --wrench 0,0,-100,0,0,0").placeholder
