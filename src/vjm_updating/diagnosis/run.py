@@ -363,8 +363,7 @@ def _proved(
         hold_out(member.fit).model_copy(update={"critical": own[0].forces if own else CriticalForceRow()})
         for member, own in zip(verdict.members, points, strict=True)
     ]
-    first = gains[0]
-    verdict = proved(verdict, first.before_in_sigma, first.after_in_sigma, first.expected_in_sigma)
+    verdict = proved(verdict, gains[0])
     if not verdict.members:
         return verdict, [], kind.critical_points(prepared.fitter, null, null)
     candidates = [

@@ -13,6 +13,7 @@ from vjm_updating.diagnosis.discrepancy import Misfit, blocks_of, marginalised
 from vjm_updating.diagnosis.document import (
     SURE,
     FindingsRow,
+    GainRow,
     PosteriorSample,
     acting,
     by_hypotheses,
@@ -389,15 +390,15 @@ def _settled(search: Search, best: ScoredModel, strange: float) -> ScoredModel:
     return settled
 
 
-def proved(verdict: Verdict, before: float, after: float, expected: float) -> Verdict:
+def proved(verdict: Verdict, gain: GainRow) -> Verdict:
     """What the prediction of readings held out makes of a verdict.
 
-    Causes that predict them worse than none are an accident of the readings fitted. But where what was held out
-    lies so far from the rest that a right model could hardly do better, it proves nothing: readings held out
-    together are wrong together, by one error of a normal distribution. Held out, the sheet's tolerances alone have
-    an error ``before``, the likeliest member ``after``, a right model ``expected``.
+    Causes that predict them worse than the sheet's tolerances alone, by more than their scatter, are an accident of
+    the readings fitted. But where what was held out lies so far from the rest that a right model could hardly do
+    better, it proves nothing: readings held out together are wrong together, by one error of a normal distribution.
     """
-    if after > before and after > NORMAL_95 * expected:
+    worse = gain.interval95[1] < 0.0 and gain.after_in_sigma > gain.before_in_sigma
+    if worse and gain.after_in_sigma > NORMAL_95 * gain.expected_in_sigma:
         causes = " + ".join(sorted(verdict.members[0].causes))
         return withdrawn(verdict, f"{causes} fits, but predicts what was held out worse than no cause does")
     return verdict

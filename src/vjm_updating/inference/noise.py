@@ -131,7 +131,7 @@ def rounding_step(values: Array) -> float:
     """Step to which readings ``(n,)`` are rounded; 0 where none is read twice, as of readings that are not."""
     known = values[~np.isnan(values)]
     levels = np.unique(known)
-    if len(levels) < 3 or len(levels) == len(known):
+    if len(levels) < 2 or len(levels) == len(known):
         return 0.0
     gaps = np.diff(levels)
     step = float(gaps.min())

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from vjm_updating.diagnosis.discrepancy import Misfit
-from vjm_updating.diagnosis.document import by_hypotheses
+from vjm_updating.diagnosis.document import GainRow, by_hypotheses
 from vjm_updating.diagnosis.evidence import ScoredModel
 from vjm_updating.diagnosis.verdict import (
     Verdict,
@@ -65,14 +65,18 @@ def test_a_zero_error_beside_a_drift_of_another_channel_is_not_needless():
 
 
 @pytest.mark.parametrize(
-    ("after", "expected", "counts"),
-    # better than none; worse than none, as a right model's might be; worse than that
-    [(1.9, 0.1, False), (2.9, 1.5, False), (2.9, 1.4, True)],
+    ("after", "expected", "fall", "counts"),
+    # better than none; worse than none, as a right model's might be; worse than that, within and beyond the scatter
+    [(1.9, 0.1, 0.2, False), (2.9, 1.5, -0.1, False), (2.9, 1.4, 0.1, False), (2.9, 1.4, -0.1, True)],
 )
 @pytest.mark.parametrize("causes", [(LINEAR,), (LINEAR, ZERO)])
-def test_what_was_held_out_counts_where_a_right_model_would_do_better(after, expected, counts, causes):
+def test_what_was_held_out_counts_where_a_right_model_would_do_better(after, expected, fall, counts, causes):
     verdict = Verdict("named", (ranked(*causes),), (1.0,), 0.8, (), Misfit(1.0, 0.0, ""))
-    found = proved(verdict, 2.0, after, expected)
+    gain = GainRow(
+        rmse_before=2.0, rmse_after=after, interval95=[-1.0, fall], before_in_sigma=2.0, after_in_sigma=after,
+        expected_in_sigma=expected, split="postures",
+    )  # fmt: skip
+    found = proved(verdict, gain)
     if not counts:
         assert found is verdict
     else:

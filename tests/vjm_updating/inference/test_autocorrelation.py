@@ -178,6 +178,8 @@ def test_rounding_is_seen_where_values_are_read_twice():
     fine = 0.25 * np.round(force / 0.25)
     assert len(np.unique(fine)) > 150
     assert rounding_step(fine) == pytest.approx(0.25, rel=1e-12)
+    # a channel that reads next to nothing has two levels
+    assert rounding_step(400.0 * np.round(force / 400.0 + 0.375)) == 400.0
     # steps of a test, each read once
     assert rounding_step(np.arange(0.0, 100.0, 5.0)) == 0.0
 
