@@ -45,9 +45,13 @@ def test_intervals_of_a_bracket_hold():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["slotted-foot", "l-bracket", "flanged-tube"])
-def test_intervals_of_the_shipped_parts_hold(name):
-    assert outside(name, 250_000) == []
+@pytest.mark.parametrize(
+    ("name", "first"),
+    # of the tube four meshes are within the limit where the first is coarser
+    [("slotted-foot", 8000), ("l-bracket", 8000), ("flanged-tube", 5000)],
+)
+def test_intervals_of_the_shipped_parts_hold(name, first):
+    assert outside(name, 250_000, first) == []
 
 
 @pytest.mark.parametrize("order", [1.09, 2.0, 3.7])
