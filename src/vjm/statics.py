@@ -94,22 +94,6 @@ def scaled_norm(model: Mechanism, statics: Array, gap: Array, wrench: Array) -> 
     return float(largest / energy / max(1.0, np.abs(wrench / model.wrench_scale).max()))
 
 
-def newton_matrix(model: Mechanism, k: Kinematics, wrench: Array) -> Array:
-    """Scaled tangent ``(m + 6, m + 6)`` of statics and geometry: ``[H − K, Jᵀ; J, 0]``.
-
-    Rows and columns are in units of `Mechanism.coordinate_scale` and `Mechanism.wrench_scale`: unscaled,
-    entries differ by 10⁶.
-    """
-    m = model.size
-    A = np.zeros((m + 6, m + 6))
-    A[:m, :m] = k.force_hessian(wrench) - model.stiffness_under(model.reactions(k, wrench))
-    A[:m, m:] = k.jacobian.T
-    A[m:, :m] = k.jacobian
-    scale = newton_scale(model)
-    A *= scale[:, None] * scale
-    return A
-
-
 def newton_scale(model: Mechanism) -> Array:
     """Units of the unknowns ``(m + 6,)`` over the square root of the energy unit.
 
