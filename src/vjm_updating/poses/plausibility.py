@@ -227,10 +227,11 @@ def scale_of(off: Array) -> float:
     return max(MEDIAN_TO_SIGMA * float(np.median(off)), 1.0)
 
 
-def mistaken_everywhere(beside: Beside[D, F]) -> Iterator[Finding]:
+def mistaken_everywhere(beside: Beside[D, F], by_laws: float = np.inf) -> Iterator[Finding]:
     """What explains the machine's error in all of a file: signs, zeros, exchanged columns, a unit, shifted rows.
 
-    It is named where it explains more of the squared error than it leaves, and what it leaves is a machine's.
+    It is named where it explains more of the squared error than it leaves, and what it leaves is a machine's: less
+    than the mean error ``by_laws`` in mm that other laws of the machine leave of the readings as they are.
     """
     g = len(beside.data)
     keep = np.linspace(0, g - 1, min(g, MOST_TRIED)).astype(int)
@@ -244,6 +245,8 @@ def mistaken_everywhere(beside: Beside[D, F]) -> Iterator[Finding]:
     # of those that do as well the simplest, which comes first
     error, way = next(one for one in tried if one[0] <= 1.02 * least)
     # positions in a smaller unit miss by less, though they follow the machine no better: it must do so, too
+    if by_laws <= error:
+        return
     if error > beside.farthest or 2.0 * error**2 > min(base, beside.spread(data)) ** 2:
         yield from beside.unexplained(data, base)
         return
@@ -253,11 +256,16 @@ def mistaken_everywhere(beside: Beside[D, F]) -> Iterator[Finding]:
     yield ColumnsMistaken(Grade.DOUBTFUL, data.file, words)
 
 
-def mistaken_rows(beside: Beside[D, F]) -> Iterator[Finding]:
-    """Rows in another unit, with another sign, exchanged or shifted, while the other rows fit."""
+def mistaken_rows(beside: Beside[D, F], by_laws: float = np.inf) -> Iterator[Finding]:
+    """Rows in another unit, with another sign, exchanged or shifted, while the other rows fit.
+
+    There are none where other laws of the machine bring all rows, with a mean error ``by_laws`` in mm, as near.
+    """
     g, rows = len(beside.data), beside.right
     # what is as near as the other rows is a matter of the machine
     if g <= beside.least + LEAST_ROWS or g - len(rows) < LEAST_ROWS:
+        return
+    if by_laws <= beside.error(beside.data.only(rows)):
         return
     ways = [RIGHT, *beside.ways(whole=False)]
     left = [beside.left(beside.meant(way, beside.data, np.arange(g)), rows) for way in ways]
@@ -659,7 +667,10 @@ def deflections_considered(
     assert isinstance(data, DeflectionData)
     # rows that were left out as outliers may be a stretch that is mistaken
     beside = BesideSprings(study, data)
-    mistaken = [*mistaken_rows(beside)] or [*mistaken_everywhere(BesideSprings(study, study.data))]
+    mistaken = [*mistaken_rows(beside, BesideSprings(study, data, LAWS).error(data))]
+    if not mistaken:
+        by_laws = BesideSprings(study, study.data, LAWS).error(study.data)
+        mistaken = [*mistaken_everywhere(BesideSprings(study, study.data), by_laws)]
     findings += [*mistaken, *columns_of(beside, named=bool(mistaken))]
     return judged(measurement, findings, strict=strict)
 
@@ -667,16 +678,16 @@ def deflections_considered(
 class BesideSprings(Beside[DeflectionData, Array]):
     """Displacements beside those of springs of the joints and of their bearings, none negative.
 
-    A joint's spring may be cracked, harden, or have backlash: such readings are no mistakes.
+    The joints' springs may have laws beside, families of `LAWS`: cracked, hardening, with backlash.
     """
 
     misses = "the model with springs in its joints misses the displacements"
 
-    def __init__(self, study: DeflectionStudy, data: DeflectionData) -> None:
+    def __init__(self, study: DeflectionStudy, data: DeflectionData, laws: tuple[str, ...] = ()) -> None:
         super().__init__(data, len(data.joints), SHIFT)
         self.columns["load"] = tuple(f"{point}.{name}" for point in data.loads for name in WRENCH)
         self.study = study
-        self.members = [member for member in study.members if member.family in (*COMPLIANCES[:2], *LAWS)]
+        self.members = [member for member in study.members if member.family in (*COMPLIANCES[:2], *laws)]
         self._known: list[tuple[Array, Array, tuple[Array, Array, Array]]] = []
 
     def ways(self, *, whole: bool) -> Iterator[Mistake]:
@@ -721,7 +732,7 @@ class BesideSprings(Beside[DeflectionData, Array]):
         return springs_to(J[rows][seen] / sigma[:, None], y[seen] / sigma, lower)
 
     def error(self, data: DeflectionData) -> float:
-        """See `Beside`; as many readings as springs say nothing of the other ones."""
+        """See `Beside`; per degree of freedom, for as many springs explain any readings."""
         fitted = self.fitted(data, np.arange(len(data)))
         readings = int(np.isfinite(data.position - self._moved(data)[0]).sum())
         more = readings - np.count_nonzero(fitted)
