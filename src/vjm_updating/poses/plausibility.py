@@ -230,8 +230,8 @@ def scale_of(off: Array) -> float:
 def mistaken_everywhere(beside: Beside[D, F], by_laws: float = np.inf) -> Iterator[Finding]:
     """What explains the machine's error in all of a file: signs, zeros, exchanged columns, a unit, shifted rows.
 
-    It is named where it explains more of the squared error than it leaves, and what it leaves is a machine's: less
-    than the mean error ``by_laws`` in mm that other laws of the machine leave of the readings as they are.
+    It is named where it explains more of the squared error than it leaves, and what it leaves is a machine's.
+    Other laws of the machine leave a mean error ``by_laws`` in mm of the readings as they are. It must leave less.
     """
     g = len(beside.data)
     keep = np.linspace(0, g - 1, min(g, MOST_TRIED)).astype(int)
