@@ -291,7 +291,9 @@ class Forward(Predictor):
         directions = np.array([ramp.ray.direction for ramp in ramps])
         for effect, v in own:
             directions = effect.imposed(directions, v)
-        near = None if reference is None or reference.key == machine.key else reference.key
+        if reference is not None and reference.key == machine.key:
+            reference = None
+        near = None if reference is None else reference.key
         key = machine.key, near, directions.tobytes(), tuple(self.branches.items())
         known = self._sheaves.pop(key, None)
         if known is None:
@@ -358,14 +360,14 @@ class Forward(Predictor):
     def _table(
         self, machine: ModifiedMachine, half: HalfRay, reference: ModifiedMachine | None = None
     ) -> PathTable:
-        near = None if reference is None or reference.key == machine.key else reference.key
+        near = None if reference is None else reference.key
         for key in ((machine.key, half, None), (machine.key, half, near)):
             if key in self._tables:
                 self._tables.move_to_end(key)
                 return self._tables[key]
         pulls = self._pulls(machine, half) if machine.asymmetry else ()
         table = None
-        if reference is not None and near is not None:
+        if reference is not None:
             table = beside(machine, half, pulls, self._table(reference, half))
         self._tables[key] = table = table or tabulate(machine, half, pulls)
         if len(self._tables) > KEPT:

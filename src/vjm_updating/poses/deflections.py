@@ -588,12 +588,11 @@ class DeflectionStudy(SeriesStudy):
     ) -> DeflectionForward:
         """The model of other readings; members that are functions of a torque are so of theirs."""
         forward = self.forward_of(machine, data)
-        by_name = {m.name: m for m in members_of_loads(machine, data, forward, self.torques)}
-        still = np.zeros(len(data))
-        forward.members = [
-            m if m.basis is None else replace(m, basis=by_name[m.name].basis if m.name in by_name else still)
-            for m in members
-        ]
+        own: list[FamilyParameter] = []
+        if any(m.basis is not None for m in members):
+            own = members_of_loads(machine, data, forward, self.torques)
+        basis, still = {m.name: m.basis for m in own}, np.zeros(len(data))
+        forward.members = [m if m.basis is None else replace(m, basis=basis.get(m.name, still)) for m in members]
         return forward
 
     def under_loads(self, q: Array, rng: np.random.Generator) -> Candidates:

@@ -182,9 +182,20 @@ class Beside(ABC, Generic[D, F]):
         """Mean distance in mm of readings from the machine fitted to all; infinite where it does not stand."""
         if not self.stands(data):
             return np.inf
-        squares = self.residual(data, self.fitted(data, np.arange(len(data)))) ** 2
-        seen = np.isfinite(squares).any(axis=2)
-        return float(np.sqrt(np.nansum(squares, axis=2))[seen].mean())
+        fitted = self.fitted(data, np.arange(len(data)))
+        squares = self.residual(data, fitted) ** 2
+        seen = np.isfinite(squares)
+        free = 1.0 - self.used(fitted) / max(int(seen.sum()), 1)
+        mean = float(np.sqrt(np.nansum(squares, axis=2))[seen.any(axis=2)].mean())
+        return mean / np.sqrt(free) if free > 0.0 else np.inf
+
+    def used(self, fitted: F) -> int:
+        """Numbers by which readings are brought nearer, which counts where they are many."""
+        return 0
+
+    def by_laws(self) -> float:
+        """The mean error in mm that other laws of the machine leave of all readings as they are."""
+        return np.inf
 
     @cached_property
     def right(self) -> np.ndarray:
@@ -227,11 +238,11 @@ def scale_of(off: Array) -> float:
     return max(MEDIAN_TO_SIGMA * float(np.median(off)), 1.0)
 
 
-def mistaken_everywhere(beside: Beside[D, F], by_laws: float = np.inf) -> Iterator[Finding]:
+def mistaken_everywhere(beside: Beside[D, F]) -> Iterator[Finding]:
     """What explains the machine's error in all of a file: signs, zeros, exchanged columns, a unit, shifted rows.
 
     It is named where it explains more of the squared error than it leaves, and what it leaves is a machine's.
-    Other laws of the machine leave a mean error ``by_laws`` in mm of the readings as they are. It must leave less.
+    Other laws of the machine must leave more of the readings as they are. Else these explain them.
     """
     g = len(beside.data)
     keep = np.linspace(0, g - 1, min(g, MOST_TRIED)).astype(int)
@@ -244,9 +255,9 @@ def mistaken_everywhere(beside: Beside[D, F], by_laws: float = np.inf) -> Iterat
     least = min(error for error, _ in tried)
     # of those that do as well the simplest, which comes first
     error, way = next(one for one in tried if one[0] <= 1.02 * least)
-    # positions in a smaller unit miss by less, though they follow the machine no better: it must do so, too
-    if by_laws <= error:
+    if beside.by_laws() <= error:
         return
+    # positions in a smaller unit miss by less, though they follow the machine no better: it must do so, too
     if error > beside.farthest or 2.0 * error**2 > min(base, beside.spread(data)) ** 2:
         yield from beside.unexplained(data, base)
         return
@@ -256,16 +267,16 @@ def mistaken_everywhere(beside: Beside[D, F], by_laws: float = np.inf) -> Iterat
     yield ColumnsMistaken(Grade.DOUBTFUL, data.file, words)
 
 
-def mistaken_rows(beside: Beside[D, F], by_laws: float = np.inf) -> Iterator[Finding]:
+def mistaken_rows(beside: Beside[D, F]) -> Iterator[Finding]:
     """Rows in another unit, with another sign, exchanged or shifted, while the other rows fit.
 
-    There are none where other laws of the machine bring all rows, with a mean error ``by_laws`` in mm, as near.
+    There are none where other laws of the machine bring all rows as near.
     """
     g, rows = len(beside.data), beside.right
     # what is as near as the other rows is a matter of the machine
     if g <= beside.least + LEAST_ROWS or g - len(rows) < LEAST_ROWS:
         return
-    if by_laws <= beside.error(beside.data.only(rows)):
+    if beside.by_laws() <= beside.error(beside.data.only(rows)):
         return
     ways = [RIGHT, *beside.ways(whole=False)]
     left = [beside.left(beside.meant(way, beside.data, np.arange(g)), rows) for way in ways]
@@ -667,10 +678,7 @@ def deflections_considered(
     assert isinstance(data, DeflectionData)
     # rows that were left out as outliers may be a stretch that is mistaken
     beside = BesideSprings(study, data)
-    mistaken = [*mistaken_rows(beside, BesideSprings(study, data, LAWS).error(data))]
-    if not mistaken:
-        by_laws = BesideSprings(study, study.data, LAWS).error(study.data)
-        mistaken = [*mistaken_everywhere(BesideSprings(study, study.data), by_laws)]
+    mistaken = [*mistaken_rows(beside)] or [*mistaken_everywhere(BesideSprings(study, study.data))]
     findings += [*mistaken, *columns_of(beside, named=bool(mistaken))]
     return judged(measurement, findings, strict=strict)
 
@@ -731,12 +739,13 @@ class BesideSprings(Beside[DeflectionData, Array]):
         sigma = data.sigma[rows][seen]
         return springs_to(J[rows][seen] / sigma[:, None], y[seen] / sigma, lower)
 
-    def error(self, data: DeflectionData) -> float:
-        """See `Beside`; per degree of freedom, for as many springs explain any readings."""
-        fitted = self.fitted(data, np.arange(len(data)))
-        readings = int(np.isfinite(data.position - self._moved(data)[0]).sum())
-        more = readings - np.count_nonzero(fitted)
-        return super().error(data) * np.sqrt(readings / more) if more > 0 else np.inf
+    def used(self, fitted: Array) -> int:
+        """See `Beside`: as many springs as readings explain any."""
+        return int(np.count_nonzero(fitted))
+
+    def by_laws(self) -> float:
+        """See `Beside`."""
+        return BesideSprings(self.study, self.data, LAWS).error(self.data)
 
     def residual(self, data: DeflectionData, fitted: Array) -> Array:
         """See `Beside`."""

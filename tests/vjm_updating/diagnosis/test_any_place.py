@@ -177,9 +177,8 @@ BESIDE = pytest.mark.xfail(
     strict=True, reason="backlash of 13 µrad is named beside a gear that hardens by another law, at 0.98"
 )
 OF_GEARS = [
-    pytest.param(cause, joint, seed, marks=BESIDE if one == ("actuator_hardening", "j-upper", 0) else ())
+    pytest.param(*one, marks=BESIDE if one == ("actuator_hardening", "j-upper", 0) else ())
     for one in itertools.product(WRONG_IN_JOINTS, ("j-upper", "j-fore"), range(2))
-    for cause, joint, seed in [one]
 ]
 
 

