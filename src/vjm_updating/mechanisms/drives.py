@@ -403,15 +403,16 @@ class Asymmetry(PullAndPush):
 
 
 @dataclass(frozen=True)
-class DriveAsymmetry(PullAndPush):
+class DriveAsymmetry(InDrive, PullAndPush):
     """A drive whose spring differs between pull and push along its axis, or between both senses about it.
 
     Attributes:
-        compliance: of the drive's spring in the model, mm/N.
+        compliance: of the drive's spring in the model, mm/N; zero where it has none, and the geometric mean of both
+            is looked for.
         part: ``actuator``, or the joint in which it is.
     """
 
-    compliance: float = 1e-5
+    compliance: float = 0.0
     part: str = "actuator"
     drive: DriveSite = BEFORE_JOINTS
 
@@ -420,26 +421,33 @@ class DriveAsymmetry(PullAndPush):
         """The drive's compliance."""
         return (f"actuator_compliance.{self.drive.part}".rstrip("."),)
 
-    def trials(self) -> Sequence[tuple[float, ...]]:
-        """Stiffer in pull, and softer, by either way or by both."""
-        return [(1.3, 0.0), (1.3, 1.0), (1.3, -1.0), (0.75, 0.0)]
+    def sliding(self) -> tuple[Quantity, ...]:
+        """Pull stiffness over push stiffness, and which way is as drawn, or the compliance of an undrawn spring."""
+        drawn = Quantity("compliance_mm_per_N", 0.0, 1e-2, 1e-5, neutral=0.0)
+        return (PULL_RATIO, AS_DRAWN if self.compliance else drawn)
 
-    def elements(self, machine: ModifiedMachine, values: Sequence[float]) -> tuple[SeriesElement, ...]:
+    def sliding_trials(self) -> Sequence[tuple[float, ...]]:
+        """Stiffer in pull, and softer, by either way or by both."""
+        if self.compliance:
+            return [(1.3, 0.0), (1.3, 1.0), (1.3, -1.0), (0.75, 0.0)]
+        return [(3.0, 1e-5), (0.3, 1e-5)]
+
+    def sliding_elements(self, place: ElementSite, values: Sequence[float]) -> tuple[SeriesElement, ...]:
         """Deflection of both springs beyond the model's own one."""
-        mean = _mean(values)
-        pull, push = (self.compliance * (mean * values[0] ** power - 1.0) for power in (-0.5, 0.5))
+        ratio, other = values
+        mean = self.compliance * _mean(values) if self.compliance else other
+        pull, push = (mean * ratio**power - self.compliance for power in (-0.5, 0.5))
 
         def law(N: Array) -> tuple[Array, Array]:
             slope = np.where(N > 0.0, pull, push)
             return slope * N, slope
 
-        return (SeriesElement(self.drive.place(machine), memoryless(law)),)
+        return (SeriesElement(place, memoryless(law)),)
 
 
 def asymmetry_effects(scene: ExperimentContext) -> list[Effect]:
-    """Of each drive where the model has a spring, of the foot and of each link, where the test loads them."""
-    elastic = [own for own in drives(scene) if own.compliance > 0.0]
-    effects: list[Effect] = [DriveAsymmetry(own.compliance, own.part or "actuator", own) for own in elastic]
+    """Of each drive, of the foot and of each link, where the test loads them."""
+    effects: list[Effect] = [DriveAsymmetry(own.compliance, own.part or "actuator", own) for own in drives(scene)]
     effects += [Asymmetry(part="foot", beam=FOOT)] if foot_of(scene.chain) else []
     effects += [Asymmetry(place_of(scene.chain, name) or LINK, name) for name in links_of(scene.chain)]
     return [effect for effect in effects if not isinstance(effect, Asymmetry) or _is_pulled(scene, effect)]

@@ -243,3 +243,13 @@ def test_any_gear_may_differ_between_both_ways(geared, joint):
         np.abs(expected - np.linalg.solve(arm.compliance(), u.T).T).max() > 10.0 * LINEAR * np.abs(expected).max()
     )
     close(in_a_joint(geared, f"tension_compression_asymmetry.{joint}", (2.0, 0.0), u, FELT[joint]), expected)
+
+
+@pytest.mark.parametrize("joint", ["j-upper", "j-fore"])
+def test_a_gear_that_is_drawn_rigid_may_give_way_to_either_side_by_its_own(tmp_path, joint):
+    links = [replace(link, gives=link.gives * (f"j-{link.name}" != joint)) for link in LINKS]
+    u, soft, ratio = ramp(1), 3e-8, 4.0
+    rigid = linear_arm.Arm(links, ANGLES[FELT[joint]])
+    expected = rigid.shifted(u, joint, lambda M: soft * M * (ratio**-0.5 if M > 0.0 else ratio**0.5))
+    machine = built(tmp_path, links)
+    close(in_a_joint(machine, f"tension_compression_asymmetry.{joint}", (ratio, soft), u, FELT[joint]), expected)
