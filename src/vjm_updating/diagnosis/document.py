@@ -410,6 +410,7 @@ class NoiseRow(Row):
     autocorrelation: dict[str, float]
     outliers: int
     readings: int
+    critical: int = Field(0, description="left out: near a critical point, and predicted by no likely hypothesis")
 
 
 class Diagnosis(Row):

@@ -64,7 +64,8 @@ def criterion(
     """Objective, what the parameters cost, and the catalogue's choice: of a cause, and of its place.
 
     A free parameter costs the logarithm of the effective readings; those with a usual value and a spread cost what
-    the readings have narrowed them down by, see `narrowed`. A cause whose own parameter may as well be nothing is
+    the readings have narrowed them down by, see `narrowed`, and no more than a free one. Else a cause whose size
+    has a wide prior would lose to one whose size has none. A cause whose own parameter may as well be nothing is
     another one in disguise.
     """
     own = [i for i, c in enumerate(fit.parameters) if c.kind == "effect" and np.isfinite(c.sigma)]
@@ -82,7 +83,8 @@ def criterion(
         freed = [i for i, c in enumerate(fit.parameters) if c.of_instrument and not np.isfinite(c.sigma)]
         cost += 2.0 * float(np.sum(np.log1p(fit.evaluation.z[freed] ** 2)))
     sigma = np.array([fit.parameters[i].sigma for i in own])
-    cost += narrowed(covariance[np.ix_(own, own)], prior(fit.parameters, fit.evaluation.z)[1][own], sigma)
+    weight = prior(fit.parameters, fit.evaluation.z)[1][own]
+    cost += narrowed(covariance[np.ix_(own, own)], weight, sigma, float(np.log(samples)))
     for number, effect in enumerate(fit.hypothesis):
         indices = of_effect(fit.parameters, number)[: effect.extent]
         if indices and _is_nothing(effect, fit.evaluation.z[indices], size_covariance(A, fit, number)):
@@ -94,20 +96,20 @@ def criterion(
     return fit.objective + cost
 
 
-def narrowed(covariance: Array, weight: Array, spread: Array) -> float:
+def narrowed(covariance: Array, weight: Array, spread: Array, most: float = np.inf) -> float:
     """What it costs that readings have narrowed the shapes of laws down (Laplace's approximation of the evidence).
 
     The prior of each is Cauchy's, whose density at its middle is 1/(π s). So a direction in which the readings' own
     precision is p, in units of ``1/s²``, costs ``log(p π/2)`` where p is large. A direction that they do not see
-    costs nothing, for its posterior is its prior: ``log(1 + p π/2)`` is both. The ``covariance`` (k, k) is of the
-    shapes' coordinates, with their priors of ``weight`` (k,), see `vjm_updating.inference.fitting.prior`;
-    ``spread`` (k,) is s.
+    costs nothing, for its posterior is its prior: ``log(1 + p π/2)`` is both. None costs more than ``most``. The
+    ``covariance`` (k, k) is of the shapes' coordinates, with their priors of ``weight`` (k,), see
+    `vjm_updating.inference.fitting.prior`; ``spread`` (k,) is s.
     """
     scaled = covariance / np.outer(spread, spread)
     precision = np.linalg.pinv(scaled, hermitian=True) - np.diag((weight * spread) ** 2)
     # rounding, where nothing is seen
     seen = np.maximum(np.linalg.eigvalsh(precision), 0.0)
-    return float(np.sum(np.log1p(0.5 * np.pi * seen)))
+    return float(np.sum(np.minimum(np.log1p(0.5 * np.pi * seen), most)))
 
 
 def choice(hypothesis: Hypothesis, effects: Sequence[Effect], costs: Costs = Costs()) -> float:

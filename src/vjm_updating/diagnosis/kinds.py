@@ -38,7 +38,7 @@ from vjm_updating.inference.joint_forward import (
 )
 from vjm_updating.inference.load_forward import LoadForward
 from vjm_updating.inference.observed import Observed, observe_joint, observe_loads
-from vjm_updating.inference.parameters import coordinates, start
+from vjm_updating.inference.parameters import Evaluation, coordinates, start
 from vjm_updating.inference.refit import after_a_step, begun_anew
 from vjm_updating.inference.significance import NORMAL_95
 from vjm_updating.mechanisms.catalogue import Maker, catalogue
@@ -162,6 +162,10 @@ class ColumnTest(RampTest):
     def without_outliers(self, observed: Observed, outliers: np.ndarray) -> Observed:
         """All: there are few marks, and each was set by hand."""
         return observed
+
+    def critical(self, observed: Observed, evaluation: Evaluation) -> np.ndarray:
+        """None: the law is exact on both sides of the buckling load."""
+        return np.zeros(len(observed.imposed), dtype=bool)
 
     def reweighted(self, fitter: LeastSquaresProblem, everything: Observed, best: Fit) -> Observed | None:
         """With the noise of mark and load as the fit's residuals have it."""

@@ -17,6 +17,7 @@ from vjm_updating.inference.fitting import Fit, LeastSquaresProblem, best_fit, w
 from vjm_updating.inference.observed import Observed
 from vjm_updating.inference.parameters import coordinates, nuisance_coordinates
 from vjm_updating.inference.refit import choose_branches, leave_out, refit, standing_out, update_autocorrelation
+from vjm_updating.inference.significance import level
 from vjm_updating.mechanisms.catalogue import Maker
 from vjm_updating.mechanisms.effect import Effect
 
@@ -33,6 +34,8 @@ class Prepared:
     Attributes:
         fitter: with its noise known.
         all: every reading, outliers included.
+        critical: readings ``(n,)`` near a critical point or behind it, see `RampTest.critical`.
+        aside: those of them that the fitter goes without.
         signed: what each effect does to the readings about a null.
     """
 
@@ -40,6 +43,8 @@ class Prepared:
     null: Fit
     effects: tuple[Effect, ...]
     all: Observed
+    critical: np.ndarray
+    aside: np.ndarray
     signed: SignatureSet
 
 
@@ -62,14 +67,20 @@ def prepare(
     evaluation = forward.evaluate(unknowns, zero, ())
     fitter = LeastSquaresProblem(forward, nuisances, whitening_of(observed, evaluation))
     flagged = standing_out(observed, evaluation.residual, fitter.whitening.factors)
-    leave_out(fitter, kind.without_outliers, observed, flagged, evaluation)
+    critical = kind.critical(observed, evaluation)
+    leave_out(fitter, kind.without_outliers, _less(observed, critical), flagged & ~critical[:, None], evaluation)
     null = _fitted(fitter)
     null = choose_branches(fitter, null)
     effects = possible(kind.effects(forward.observed, more), only, without)
     known = signed(fitter, null, effects)
     update_autocorrelation(fitter, null, [s.change for s in known.signatures if s.change is not None])
     null = _fitted(fitter, null.evaluation.z, *_beside_kinks(fitter))
-    return Prepared(fitter, null, effects, observed, known)
+    return Prepared(fitter, null, effects, observed, critical, critical, known)
+
+
+def _less(observed: Observed, aside: np.ndarray) -> Observed:
+    """The same without some readings ``(n,)``."""
+    return observed.without(np.broadcast_to(aside[:, None], observed.present.shape)) if aside.any() else observed
 
 
 def possible(effects: Sequence[Effect], only: Sequence[str], without: Sequence[str]) -> tuple[Effect, ...]:
@@ -86,16 +97,33 @@ def possible(effects: Sequence[Effect], only: Sequence[str], without: Sequence[s
     return tuple(e for e in effects if e.cause not in without and (not only or e.cause in only))
 
 
-def refresh(prepared: Prepared, best: Fit) -> Prepared | None:
+def unpredicted(prepared: Prepared, fits: Sequence[Fit]) -> np.ndarray:
+    """Readings ``(n,)`` near a critical point that none of some fits predicts as well as noise allows."""
+    fitter, everything = prepared.fitter, prepared.all
+    own, whitening, result = fitter.forward.observed, fitter.whitening, prepared.critical.copy()
+    for fit in fits:
+        leave_out(fitter, lambda observed, _: observed, everything, result, fit.evaluation)
+        evaluation = fitter.evaluate(fit.parameters, fit.evaluation.z, fit.hypothesis)
+        if evaluation is not None:
+            off = fitter.whitening.instant(np.where(everything.present, evaluation.residual, 0.0))
+            result &= np.abs(off).max(axis=1) > level(int(everything.present.sum()))
+    fitter.forward.observed, fitter.whitening = own, whitening
+    return result
+
+
+def refresh(prepared: Prepared, best: Fit, aside: np.ndarray | None = None) -> Prepared | None:
     """Find outliers, the readings' covariances and the noise's autocorrelation again, about a better model.
 
-    None where nothing changes by it, or the model is so far off that it tells nothing of the noise. The fitter is
-    then as it was, so that objectives found with it can still be compared.
+    Readings ``aside`` (n,) are left out, those that are where none are given. None where nothing changes by it, or
+    the model is so far off that it tells nothing of the noise. The fitter is then as it was, so that objectives
+    found with it can still be compared.
     """
     fitter, kind = prepared.fitter, kind_of(prepared.all.measurement)
-    everything = kind.reweighted(fitter, prepared.all, best)
-    if everything is None:
+    whole = kind.reweighted(fitter, prepared.all, best)
+    if whole is None:
         return None
+    aside = prepared.aside if aside is None else aside
+    everything = _less(whole, aside)
     readings, whitening, branches = fitter.forward.observed, fitter.whitening, dict(fitter.forward.branches)
     refit(fitter, kind.without_outliers, everything, best)
     same = everything.noise is prepared.all.noise
@@ -113,7 +141,10 @@ def refresh(prepared: Prepared, best: Fit) -> Prepared | None:
         fitter.forward.observed, fitter.whitening, fitter.forward.branches = readings, whitening, branches
         return None
     return replace(
-        prepared, null=_fitted(fitter, prepared.null.evaluation.z, *_beside_kinks(fitter)), all=everything
+        prepared,
+        null=_fitted(fitter, prepared.null.evaluation.z, *_beside_kinks(fitter)),
+        all=whole,
+        aside=aside,
     )
 
 

@@ -37,6 +37,7 @@ from vjm_updating.inference.fitting import Fit, LeastSquaresProblem
 from vjm_updating.inference.forward import Forward, Predictor, observe_ramps
 from vjm_updating.inference.instruments import LEVER, InstrumentScale, InstrumentZero, ThermalDrift
 from vjm_updating.inference.observed import Observed
+from vjm_updating.inference.parameters import Evaluation
 from vjm_updating.mechanisms.catalogue import Maker, catalogue
 from vjm_updating.mechanisms.effect import Effect, ExperimentContext
 from vjm_updating.mechanisms.equilibrium_tables import first_force
@@ -60,8 +61,8 @@ OwnPoint = tuple[str, float | None, First]
 where the path has none; and where the material yields."""
 
 
-def knee(s: Array, force: Array) -> float | None:
-    """Force at the knee of a curve ``(n,)`` that rises, bends once and goes on nearly level; None where none is.
+def knee(s: Array, force: Array) -> tuple[float, float] | None:
+    """Place and force of the knee of a curve ``(n,)`` that rises, bends once and goes on nearly level, if one is.
 
     The best continuous pair of straight lines of which the second is nearer to level than to going on as before.
     """
@@ -69,18 +70,18 @@ def knee(s: Array, force: Array) -> float | None:
     x, y = s[order], force[order]
     if len(x) < 2 * LEAST + 2:
         return None
-    best: tuple[float, float] | None = None
+    best: tuple[float, float, float] | None = None
     for knot in x[LEAST:-LEAST]:
         X = np.column_stack([np.ones_like(x), np.minimum(x, knot), np.maximum(x - knot, 0.0)])
         c, *_ = np.linalg.lstsq(X, y, rcond=None)
         cost = float(np.sum((y - X @ c) ** 2))
         if c[1] > 0.0 and c[2] < c[1] - c[2] and (best is None or cost < best[0]):
-            best = cost, float(c[0] + c[1] * knot)
+            best = cost, float(knot), float(c[0] + c[1] * knot)
     straight = np.column_stack([np.ones_like(x), x])
     c, *_ = np.linalg.lstsq(straight, y, rcond=None)
     if best is None or best[0] > 0.5 * float(np.sum((y - straight @ c) ** 2)):
         return None
-    return best[1]
+    return best[1:]
 
 
 def _half_ray(fitter: LeastSquaresProblem, null: Fit, fit: Fit, ray: Ray, sign: float) -> CriticalPointRow | None:
@@ -97,6 +98,7 @@ def _half_ray(fitter: LeastSquaresProblem, null: Fit, fit: Fit, ray: Ray, sign: 
     before, after = (
         (knee(u, read - way * one.evaluation.residual[on, c]) for one in (null, fit)) if measured else (None, None)
     )
+    measured_force, before_force, after_force = (None if k is None else k[1] for k in (measured, before, after))
     load_case = LoadCase(ray.posture, max(DEFAULT_REACH_MM, FURTHER * float(u.max())), tuple(sign * ray.direction))
     nominal, nominal_force, _ = _point(observed.measurement.engine, observed.measurement.chain, load_case)
     extended, extended_force, yields = _extended(fitter, fit, load_case)
@@ -104,9 +106,9 @@ def _half_ray(fitter: LeastSquaresProblem, null: Fit, fit: Fit, ray: Ray, sign: 
         posture=ray.posture,
         direction=_words(sign * ray.direction),
         reached_N=float(read.max()),
-        measured_N=measured,
-        before_N=before,
-        after_N=after,
+        measured_N=measured_force,
+        before_N=before_force,
+        after_N=after_force,
         nominal=nominal,
         nominal_N=nominal_force,
         extended=extended,
@@ -114,6 +116,44 @@ def _half_ray(fitter: LeastSquaresProblem, null: Fit, fit: Fit, ray: Ray, sign: 
         yields_N=yields.force,
         yields=yields.words,
     )
+
+
+SOFTENED = numerical(1.0 / 3.0)
+"""Tangent stiffness along a ray over that without load, below which a machine is behind its critical point."""
+AT_HAND = numerical(0.9)
+"""Displacement of a critical point of which readings that lie further are set aside for the first search."""
+
+
+def behind(observed: Observed, evaluation: Evaluation) -> np.ndarray:
+    """Readings ``(n,)`` behind a critical point of the model."""
+    result = np.zeros(len(observed.imposed), dtype=bool)
+    if observed.columns != WRENCH:
+        # what was read is not the wrench of the displacement that was imposed: there is no tangent stiffness
+        return result
+    for ray in observed.rays:
+        k = np.einsum("i,nij,j->n", ray.direction, evaluation.stiffness[ray.index], ray.direction)
+        s = np.abs(observed.imposed[ray.index] @ ray.measure)
+        result[ray.index] = k < SOFTENED * k[np.argmin(s)]
+    return result
+
+
+def _critical(observed: Observed, evaluation: Evaluation) -> np.ndarray:
+    """Readings ``(n,)`` near a critical point or behind it, that of the model or one that the readings show."""
+    result = np.zeros(len(observed.imposed), dtype=bool)
+    if observed.columns != WRENCH:
+        return result
+    far = behind(observed, evaluation)
+    for ray in observed.rays:
+        c = int(np.argmax(np.abs(ray.direction[:3])))
+        s = observed.imposed[ray.index] @ ray.measure
+        for sign in (1.0, -1.0):
+            on = ray.index[(sign * s > 0.0) & observed.present[ray.index, c]]
+            u = sign * (observed.imposed[on] @ ray.measure)
+            bent = knee(u, sign * float(np.sign(ray.direction[c])) * observed.measured[on, c])
+            places = [*u[far[on]], *(() if bent is None else bent[:1])]
+            if places:
+                result[on[u > AT_HAND * min(places)]] = True
+    return result
 
 
 def _words(direction: Array) -> str:
@@ -202,6 +242,14 @@ class RampTest:
     def without_outliers(self, observed: Observed, outliers: np.ndarray) -> Observed:
         """The readings that count, where samples ``(n, 6)`` stand out: the others."""
         return observed.without(outliers)
+
+    def critical(self, observed: Observed, evaluation: Evaluation) -> np.ndarray:
+        """Readings ``(n,)`` that a search begins without: near a critical point, or behind it.
+
+        There a small error of any parameter changes the force by much, and every fit from afar ends too early. The
+        ``evaluation`` is the nominal machine's.
+        """
+        return _critical(observed, evaluation)
 
     def reweighted(self, fitter: LeastSquaresProblem, everything: Observed, best: Fit) -> Observed | None:
         """All readings with the noise that a fit shows, the sheet's; None where it is too far off to show any."""

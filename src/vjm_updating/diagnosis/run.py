@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -33,13 +33,12 @@ from vjm_updating.diagnosis.document import (
 )
 from vjm_updating.diagnosis.evidence import ScoredModel, effective_samples, estimates, joined, nuisance_estimates
 from vjm_updating.diagnosis.kinds import kind_of
-from vjm_updating.diagnosis.preprocess import Prepared, possible, prepare, refresh
-from vjm_updating.diagnosis.ramp_kind import RampTest
+from vjm_updating.diagnosis.preprocess import Prepared, possible, prepare, refresh, unpredicted
+from vjm_updating.diagnosis.ramp_kind import RampTest, behind
 from vjm_updating.diagnosis.screening import projection
-from vjm_updating.diagnosis.search import Search
+from vjm_updating.diagnosis.search import RIVAL, Search
 from vjm_updating.diagnosis.verdict import Verdict, judge, proved, withdrawn
 from vjm_updating.experiment import Measurement
-from vjm_updating.experiment.data_file import WRENCH
 from vjm_updating.experiment.mistakes import TITLES, Mistake, corrected, mistakes_of
 from vjm_updating.inference.fitting import Fit, LeastSquaresProblem
 from vjm_updating.inference.forward import Predictor
@@ -232,9 +231,9 @@ def _columns(fitter: LeastSquaresProblem, null: Fit) -> list[tuple[str, Array]]:
         columns.append(("with the clock", observed.clock / np.ptp(observed.clock)))
     if observed.warmth is not None:
         columns.append(("with the temperature", observed.warmth / np.ptp(observed.warmth)))
-    behind = _behind(fitter, null)
-    if behind.any() and not behind.all():
-        columns.append(("after against before the critical point", behind.astype(float)))
+    far = behind(observed, null.evaluation)
+    if far.any() and not far.all():
+        columns.append(("after against before the critical point", far.astype(float)))
     return columns
 
 
@@ -243,20 +242,6 @@ def _since_held(way: Array) -> Array:
     for k in range(1, len(way)):
         count[k] = count[k - 1] + 1.0 if way[k] == 0.0 else 0.0
     return count
-
-
-def _behind(fitter: LeastSquaresProblem, null: Fit) -> np.ndarray:
-    """Readings ``(n,)`` where the tangent along the ray has fallen below a third of the unloaded one."""
-    observed = fitter.forward.observed
-    result = np.zeros(len(observed.imposed), dtype=bool)
-    if observed.columns != WRENCH:
-        # what was read is not the wrench of the displacement that was imposed: there is no tangent stiffness
-        return result
-    for ray in observed.rays:
-        k = np.einsum("i,nij,j->n", ray.direction, null.evaluation.stiffness[ray.index], ray.direction)
-        s = np.abs(observed.imposed[ray.index] @ ray.measure)
-        result[ray.index] = k < k[np.argmin(s)] / 3.0
-    return result
 
 
 AGAIN = numerical(2)
@@ -303,23 +288,7 @@ def diagnose_ramps(
     possible(kind.effects(observed, more), only, without)
     warn(findings)
     progress("the nominal model")
-    prepared = prepare(observed, more, only=only, without=without)
-    search = _search(prepared, kind, progress)
-    best = search.run()
-    prepared = replace(prepared, null=search.null)
-    for _ in range(AGAIN):
-        # seen from a model that was off, noise and outliers were guesses
-        again = refresh(prepared, best.fit)
-        if again is None:
-            break
-        prepared = again
-        before, search = best, replace(_search(prepared, kind, progress), known=search.tried)
-        best = search.run()
-        prepared = replace(prepared, null=search.null)
-        if best.labels == before.labels:
-            break
-    best = search.begun_anew(kind.completed(search, best))
-    prepared = replace(prepared, null=search.null)
+    prepared, search, best = _searched(prepare(observed, more, only=only, without=without), kind, progress)
     progress("verdict")
     verdict, candidates, points = _proved(prepared, kind, unless_unexplained(judge(search, best), mistakes))
     document = _document(measurement, prepared, kind, verdict, candidates, points, begun)
@@ -340,6 +309,45 @@ def diagnose_ramps(
         return write_page(measurement, prepared, chosen, document)
 
     return DiagnosisResult(document, {EXTENDED: model}, page)
+
+
+def _searched(
+    prepared: Prepared, kind: RampTest, progress: Callable[[str], None]
+) -> tuple[Prepared, Search, ScoredModel]:
+    """The search about the noise that its own best shows, and the best.
+
+    It begins without the readings near a critical point, and goes on with them from what it has found. Where they
+    then leave more than noise, and without them nothing did, those that no likely hypothesis predicts stay aside.
+    """
+
+    def run(
+        prepared: Prepared, known: Mapping[frozenset[str], ScoredModel]
+    ) -> tuple[Prepared, Search, ScoredModel]:
+        search = replace(_search(prepared, kind, progress), known=known)
+        best = search.run()
+        return replace(prepared, null=search.null), search, best
+
+    none = np.zeros(len(prepared.critical), dtype=bool)
+    prepared, search, best = first = run(prepared, {})
+    right = prepared.critical.any() and not search.is_wrong(search.rest(best.fit))
+    likely = [r.fit for r in search.tried.values() if r.criterion < best.criterion + RIVAL]
+    for _ in range(AGAIN):
+        # seen from a model that was off, noise and outliers were guesses
+        again = refresh(prepared, best.fit, none)
+        if again is None:
+            break
+        before = best
+        prepared, search, best = run(again, search.tried)
+        if right and search.is_wrong(search.rest(best.fit)):
+            aside = unpredicted(prepared, likely)
+            again = refresh(prepared, first[2].fit, aside) if aside.any() else None
+            if again is not None:
+                prepared, search, best = run(again, first[1].tried)
+            break
+        if best.labels == before.labels:
+            break
+    best = search.begun_anew(kind.completed(search, best))
+    return replace(prepared, null=search.null), search, best
 
 
 def _search(prepared: Prepared, kind: RampTest, progress: Callable[[str], None]) -> Search:
@@ -409,17 +417,27 @@ def _document(
         version=VersionRow(
             package=__version__, model_sha256=measurement.chain.sha256, data_sha256=measurement.data_sha256
         ),
-        residual=_residual_words(verdict) or kind.scatter(observed),
+        residual="; ".join(
+            text for text in (_residual_words(verdict) or kind.scatter(observed), _aside_words(prepared)) if text
+        ),
         contrasts=contrasts(fitter, prepared.null)[:SHOWN],
         noise=NoiseRow(
             autocorrelation={name: float(neighbours[k]) for name, k in channels.items()},
             outliers=observed.outliers,
             readings=len(observed.imposed),
+            critical=int(prepared.aside.sum()),
         ),
         nuisances=nuisance_estimates(fitter, chosen),
         critical=list(points),
         seconds=time.perf_counter() - begun,
     )
+
+
+def _aside_words(prepared: Prepared) -> str:
+    count = int(prepared.aside.sum())
+    if not count:
+        return ""
+    return f"{count} readings near a critical point are left out: nothing that explains the others predicts them"
 
 
 def _residual_words(verdict: Verdict) -> str:

@@ -429,8 +429,16 @@ def needless(best: ScoredModel, rival: ScoredModel) -> bool:
 
 
 def _weights(search: Search, best: ScoredModel) -> dict[ScoredModel, float]:
-    """Probability of every hypothesis tried, by its criterion; supersets of the best, a rejected null have none."""
-    ranked = [r for r in search.tried.values() if not r.labels > best.labels and (r.labels or not best.labels)]
+    """Probability of every hypothesis tried, by its criterion.
+
+    Supersets of the best, a rejected null, and others whose fits have not come to an end have none.
+    """
+    ranked = [
+        r
+        for r in search.tried.values()
+        if r.labels == best.labels
+        or (r.fit.converged and not r.labels > best.labels and (r.labels or not best.labels))
+    ]
     criteria = np.array([r.criterion for r in ranked])
     w = np.exp(-0.5 * np.minimum(criteria - criteria.min(), 1400.0))
     return {r: float(v) for r, v in zip(ranked, w / w.sum(), strict=True)}

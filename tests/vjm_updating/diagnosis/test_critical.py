@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from helpers import from_files
 from helpers.command import json_of, validate
 from helpers.file_texts import instruments_text, table_text
 
@@ -97,10 +98,10 @@ def test_it_says_what_is_not_known(change, words):
 def test_a_knee_is_seen_only_where_there_is_one():
     s = np.linspace(0.0, 3.0, 40)
     # one of the places is where the lines meet
-    assert knee(s, np.minimum(1000.0 * s, 2000.0 + 50.0 * (s - 2.0))) == pytest.approx(2000.0, rel=1e-10)
+    assert knee(s, np.minimum(1000.0 * s, 2000.0 + 50.0 * (s - 2.0))) == pytest.approx((2.0, 2000.0), rel=1e-10)
     assert knee(s, 1000.0 * s) is None
     # what goes on with more than half of its slope is not level
-    behind = [knee(s, np.minimum(1000.0 * s, 2000.0 + slope * (s - 2.0))) for slope in (490.0, 510.0)]
+    behind = [knee(s, np.minimum(1000.0 * s, 2000.0 + slope * (s - 2.0)))[1] for slope in (490.0, 510.0)]
     assert behind[0] == pytest.approx(2000.0, rel=1e-10)
     assert behind[1] != pytest.approx(2000.0, rel=1e-3)
 
@@ -248,3 +249,49 @@ def test_a_drawing_without_a_yield_stress_says_so():
     (found,) = firsts([solid], LoadCase("straight", 0.1), 4)
     assert (found.force, found.known) == (None, False)
     assert found.words == "not known: the model says no yield stress of link"
+
+
+@pytest.fixture(scope="module")
+def past_buckling(make, tmp_path_factory):
+    """A soft drive pushed past its critical point, and the same test held straight there."""
+    folder = tmp_path_factory.mktemp("past")
+    with pytest.MonkeyPatch.context() as patch:
+        files = make.made_up(folder, {"actuator_compliance": (2e-5,)}, 5, patch, reach=3.2, per=16)
+    header, *rows = (line.split(",") for line in files.data.read_text().splitlines())
+    u, force = (header.index(name) for name in ("ux_mm", "fx_N"))
+    straight = []
+    for row in rows:
+        own = row.copy()
+        if row[header.index("posture")] == "A" and float(row[u]) < -2.75:
+            # what friction does that holds the joints
+            own[force] = f"{float(row[force]) * 1.15:.4f}"
+        straight.append(own)
+    held = folder / "held.csv"
+    held.write_text("\n".join(",".join(row) for row in (header, *straight)) + "\n")
+    return files, held
+
+
+def test_a_search_begins_before_the_critical_points(past_buckling):
+    files, _ = past_buckling
+    prepared = prepare(observe_ramps(read_measurement(files.data, files.sheet)))
+    u = np.abs(prepared.all.imposed[:, 0])
+    on = (prepared.all.readings.posture == "A") & (prepared.all.imposed[:, 0] < 0.0)
+    assert prepared.critical.any()
+    # the posture buckles at 2.72 mm as drawn
+    assert u[prepared.critical & on].min() > 0.85 * 2.72
+    assert prepared.critical[on & (u > 2.8)].all()
+    assert not prepared.fitter.forward.observed.present[prepared.critical].any()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("straight", [False, True])
+def test_what_happens_past_a_critical_point_hides_no_cause(past_buckling, tmp_path, straight):
+    files, held = past_buckling
+    found = from_files.diagnose(held if straight else files.data, files.sheet, tmp_path / "out")
+    # of two postures a soft base is as likely as one to twenty
+    assert found.verdict in ("named", "class")
+    assert found.candidates[0].causes == ["actuator_compliance"]
+    value = found.parameters["actuator_compliance.compliance_mm_per_N"]
+    assert abs(value.value - 2e-5) < 3.5 * value.std
+    assert (found.noise.critical > 0) is straight
+    assert ("near a critical point are left out" in found.residual) is straight

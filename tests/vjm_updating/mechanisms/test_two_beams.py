@@ -246,7 +246,7 @@ def test_any_gear_may_differ_between_both_ways(geared, joint):
 
 
 @pytest.mark.parametrize("joint", ["j-upper", "j-fore"])
-def test_a_gear_that_is_drawn_rigid_may_give_way_to_either_side_by_its_own(tmp_path, joint):
+def test_a_gear_that_is_drawn_rigid_may_deflect_more_to_one_side(tmp_path, joint):
     links = [replace(link, gives=link.gives * (f"j-{link.name}" != joint)) for link in LINKS]
     u, soft, ratio = ramp(1), 3e-8, 4.0
     rigid = linear_arm.Arm(links, ANGLES[FELT[joint]])
