@@ -120,7 +120,7 @@ def _half_ray(fitter: LeastSquaresProblem, null: Fit, fit: Fit, ray: Ray, sign: 
 
 SOFTENED = numerical(1.0 / 3.0)
 """Tangent stiffness along a ray over that without load, below which a machine is behind its critical point."""
-AT_HAND = numerical(0.9)
+NEAR = numerical(0.9)
 """Displacement of a critical point of which readings that lie further are set aside for the first search."""
 
 
@@ -152,7 +152,7 @@ def _critical(observed: Observed, evaluation: Evaluation) -> np.ndarray:
             bent = knee(u, sign * float(np.sign(ray.direction[c])) * observed.measured[on, c])
             places = [*u[far[on]], *(() if bent is None else bent[:1])]
             if places:
-                result[on[u > AT_HAND * min(places)]] = True
+                result[on[u > NEAR * min(places)]] = True
     return result
 
 
