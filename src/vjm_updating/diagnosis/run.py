@@ -328,7 +328,8 @@ def _searched(
         return replace(prepared, null=search.null), search, best
 
     none = np.zeros(len(prepared.critical), dtype=bool)
-    prepared, search, best = first = run(prepared, {})
+    prepared, search, best = run(prepared, {})
+    begun, known = best.fit, search.tried
     right = prepared.critical.any() and not search.is_wrong(search.rest(best.fit))
     likely = [r.fit for r in search.tried.values() if r.criterion < best.criterion + RIVAL]
     for _ in range(AGAIN):
@@ -340,9 +341,9 @@ def _searched(
         prepared, search, best = run(again, search.tried)
         if right and search.is_wrong(search.rest(best.fit)):
             aside = unpredicted(prepared, likely)
-            again = refresh(prepared, first[2].fit, aside) if aside.any() else None
+            again = refresh(prepared, begun, aside) if aside.any() else None
             if again is not None:
-                prepared, search, best = run(again, first[1].tried)
+                prepared, search, best = run(again, known)
             break
         if best.labels == before.labels:
             break
