@@ -84,16 +84,24 @@ def knee(s: Array, force: Array) -> tuple[float, float] | None:
     return best[1:]
 
 
+def _curve(observed: Observed, ray: Ray, sign: float) -> tuple[int, float, np.ndarray, Array, Array]:
+    """One side of a ray as a curve of force by displacement, both positive outwards.
+
+    Returns:
+        The channel of the force and its sign on this side. Of the readings ``(k,)`` their indices, displacements in
+        mm or rad, and forces in N.
+    """
+    c = int(np.argmax(np.abs(ray.direction[:3])))
+    on = ray.index[(sign * (observed.imposed[ray.index] @ ray.measure) > 0.0) & observed.present[ray.index, c]]
+    way = sign * float(np.sign(ray.direction[c]))
+    return c, way, on, sign * (observed.imposed[on] @ ray.measure), way * observed.measured[on, c]
+
+
 def _half_ray(fitter: LeastSquaresProblem, null: Fit, fit: Fit, ray: Ray, sign: float) -> CriticalPointRow | None:
     observed = fitter.forward.observed
-    c = int(np.argmax(np.abs(ray.direction[:3])))
-    s = observed.imposed[ray.index] @ ray.measure
-    on = ray.index[(sign * s > 0.0) & observed.present[ray.index, c]]
+    c, way, on, u, read = _curve(observed, ray, sign)
     if not len(on) or WRENCH[c] not in observed.wrench_channels:
         return None
-    u = sign * (observed.imposed[on] @ ray.measure)
-    way = sign * float(np.sign(ray.direction[c]))
-    read = way * observed.measured[on, c]
     measured = knee(u, read)
     before, after = (
         (knee(u, read - way * one.evaluation.residual[on, c]) for one in (null, fit)) if measured else (None, None)
@@ -144,12 +152,9 @@ def _critical(observed: Observed, evaluation: Evaluation) -> np.ndarray:
         return result
     far = behind(observed, evaluation)
     for ray in observed.rays:
-        c = int(np.argmax(np.abs(ray.direction[:3])))
-        s = observed.imposed[ray.index] @ ray.measure
         for sign in (1.0, -1.0):
-            on = ray.index[(sign * s > 0.0) & observed.present[ray.index, c]]
-            u = sign * (observed.imposed[on] @ ray.measure)
-            bent = knee(u, sign * float(np.sign(ray.direction[c])) * observed.measured[on, c])
+            _, _, on, u, read = _curve(observed, ray, sign)
+            bent = knee(u, read)
             places = [*u[far[on]], *(() if bent is None else bent[:1])]
             if places:
                 result[on[u > NEAR * min(places)]] = True

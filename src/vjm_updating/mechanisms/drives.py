@@ -220,6 +220,10 @@ def _along(joint: Joint) -> Array:
     return result
 
 
+COMPLIANCE = Quantity("compliance_mm_per_N", 0.0, 1e-2, 1e-5, neutral=0.0)
+"""Of a drive's spring, beyond the model's or where the model has none."""
+
+
 @dataclass(frozen=True)
 class ActuatorCompliance(InDrive):
     """``x = c N`` along the drive, or ``x = c M`` about the axis of a joint that turns."""
@@ -231,7 +235,7 @@ class ActuatorCompliance(InDrive):
 
     def sliding(self) -> tuple[Quantity, ...]:
         """Beyond what the model has."""
-        return (Quantity("compliance_mm_per_N", 0.0, 1e-2, 1e-5, neutral=0.0),)
+        return (COMPLIANCE,)
 
     def sliding_trials(self) -> Sequence[tuple[float, ...]]:
         """A twentieth of a foot's."""
@@ -317,7 +321,7 @@ class ActuatorHardening(InDrive):
 
     def sliding(self) -> tuple[Quantity, ...]:
         """r, c₀ at zero load where the model has none, and m."""
-        own = () if self.compliance else (Quantity("compliance_mm_per_N", 0.0, 1e-2, 1e-5, neutral=0.0),)
+        own = () if self.compliance else (COMPLIANCE,)
         return (RATIO, *own, EXPONENT)
 
     def sliding_trials(self) -> Sequence[tuple[float, ...]]:
@@ -423,8 +427,7 @@ class DriveAsymmetry(InDrive, PullAndPush):
 
     def sliding(self) -> tuple[Quantity, ...]:
         """Pull stiffness over push stiffness, and which way is as drawn, or the compliance of an undrawn spring."""
-        drawn = Quantity("compliance_mm_per_N", 0.0, 1e-2, 1e-5, neutral=0.0)
-        return (PULL_RATIO, AS_DRAWN if self.compliance else drawn)
+        return (PULL_RATIO, AS_DRAWN if self.compliance else COMPLIANCE)
 
     def sliding_trials(self) -> Sequence[tuple[float, ...]]:
         """Stiffer in pull, and softer, by either way or by both."""
