@@ -410,7 +410,7 @@ class NoiseRow(Row):
     autocorrelation: dict[str, float]
     outliers: int
     readings: int
-    critical: int = Field(0, description="left out: near a critical point, and predicted by no likely hypothesis")
+    critical: int = Field(0, description="left out near a critical point; `residual` says why")
 
 
 class Diagnosis(Row):

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,11 +12,12 @@ from vjm.errors import NoConvergenceError
 from vjm.io.errors import did_you_mean
 from vjm.rotations import Array
 from vjm_updating.constants import numerical
+from vjm_updating.diagnosis.document import CriticalPointRow
 from vjm_updating.diagnosis.kinds import kind_of
 from vjm_updating.diagnosis.screening import STRONG, SignatureSet, signed
 from vjm_updating.inference.fitting import Fit, LeastSquaresProblem, best_fit, weighed, whitening_of
 from vjm_updating.inference.observed import Observed
-from vjm_updating.inference.parameters import coordinates, nuisance_coordinates
+from vjm_updating.inference.parameters import Evaluation, coordinates, nuisance_coordinates
 from vjm_updating.inference.refit import choose_branches, leave_out, refit, standing_out, update_autocorrelation
 from vjm_updating.inference.significance import level
 from vjm_updating.mechanisms.catalogue import Maker
@@ -36,6 +38,7 @@ class Prepared:
         all: every reading, outliers included.
         critical: readings ``(n,)`` near a critical point or behind it, see `RampTest.critical`.
         aside: those of them that the fitter goes without.
+        held_against: whether those aside were held against what explains the others; else nothing explains these.
         signed: what each effect does to the readings about a null.
     """
 
@@ -46,6 +49,7 @@ class Prepared:
     critical: np.ndarray
     aside: np.ndarray
     signed: SignatureSet
+    held_against: bool = False
 
 
 def prepare(
@@ -97,18 +101,46 @@ def possible(effects: Sequence[Effect], only: Sequence[str], without: Sequence[s
     return tuple(e for e in effects if e.cause not in without and (not only or e.cause in only))
 
 
+@contextmanager
+def _reading(fitter: LeastSquaresProblem, observed: Observed, evaluation: Evaluation) -> Iterator[None]:
+    """With these readings for a while; their covariances are those of an ``evaluation``."""
+    own, whitening = fitter.forward.observed, fitter.whitening
+    leave_out(fitter, lambda everything, _: everything, observed, np.zeros_like(observed.present), evaluation)
+    try:
+        yield
+    finally:
+        fitter.forward.observed, fitter.whitening = own, whitening
+
+
 def unpredicted(prepared: Prepared, fits: Sequence[Fit]) -> np.ndarray:
     """Readings ``(n,)`` near a critical point that none of some fits predicts as well as noise allows."""
-    fitter, everything = prepared.fitter, prepared.all
-    own, whitening, result = fitter.forward.observed, fitter.whitening, prepared.critical.copy()
+    fitter, everything, result = prepared.fitter, prepared.all, prepared.critical.copy()
     for fit in fits:
-        leave_out(fitter, lambda observed, _: observed, everything, result, fit.evaluation)
-        evaluation = fitter.evaluate(fit.parameters, fit.evaluation.z, fit.hypothesis)
-        if evaluation is not None:
-            off = fitter.whitening.instant(np.where(everything.present, evaluation.residual, 0.0))
-            result &= np.abs(off).max(axis=1) > level(int(everything.present.sum()))
-    fitter.forward.observed, fitter.whitening = own, whitening
+        with _reading(fitter, everything, fit.evaluation):
+            evaluation = fitter.evaluate(fit.parameters, fit.evaluation.z, fit.hypothesis)
+            if evaluation is not None:
+                off = fitter.whitening.instant(np.where(everything.present, evaluation.residual, 0.0))
+                result &= np.abs(off).max(axis=1) > level(int(everything.present.sum()))
     return result
+
+
+def critical_points(prepared: Prepared, fit: Fit) -> list[CriticalPointRow]:
+    """What the kind of test says of its critical points, also by the readings that are left out near one."""
+    fitter, kind = prepared.fitter, kind_of(prepared.all.measurement)
+    if not prepared.aside.any():
+        return kind.critical_points(fitter, prepared.null, fit)
+    outliers = prepared.all.present & ~fitter.forward.observed.present & ~prepared.aside[:, None]
+    nowhere = np.where(prepared.aside[:, None], np.nan, 0.0)
+
+    def everywhere(one: Fit) -> Fit:
+        evaluation = fitter.evaluate(one.parameters, one.evaluation.z, one.hypothesis)
+        # where the model does not stand it predicts nothing
+        return replace(
+            one, evaluation=evaluation or replace(one.evaluation, residual=one.evaluation.residual + nowhere)
+        )
+
+    with _reading(fitter, prepared.all.without(outliers), fit.evaluation):
+        return kind.critical_points(fitter, everywhere(prepared.null), everywhere(fit))
 
 
 def refresh(prepared: Prepared, best: Fit, aside: np.ndarray | None = None) -> Prepared | None:
@@ -145,6 +177,7 @@ def refresh(prepared: Prepared, best: Fit, aside: np.ndarray | None = None) -> P
         null=_fitted(fitter, prepared.null.evaluation.z, *_beside_kinks(fitter)),
         all=whole,
         aside=aside,
+        held_against=True,
     )
 
 

@@ -64,11 +64,12 @@ where the path has none; and where the material yields."""
 def knee(s: Array, force: Array) -> tuple[float, float] | None:
     """Place and force of the knee of a curve ``(n,)`` that rises, bends once and goes on nearly level, if one is.
 
-    The best continuous pair of straight lines of which the second is nearer to level than to going on as before.
+    Of a curve that is not known everywhere, nan, there is none. The best continuous pair of straight lines of which
+    the second is nearer to level than to going on as before.
     """
     order = np.argsort(s)
     x, y = s[order], force[order]
-    if len(x) < 2 * LEAST + 2:
+    if len(x) < 2 * LEAST + 2 or np.isnan(y).any():
         return None
     best: tuple[float, float, float] | None = None
     for knot in x[LEAST:-LEAST]:

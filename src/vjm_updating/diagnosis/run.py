@@ -33,7 +33,7 @@ from vjm_updating.diagnosis.document import (
 )
 from vjm_updating.diagnosis.evidence import ScoredModel, effective_samples, estimates, joined, nuisance_estimates
 from vjm_updating.diagnosis.kinds import kind_of
-from vjm_updating.diagnosis.preprocess import Prepared, possible, prepare, refresh, unpredicted
+from vjm_updating.diagnosis.preprocess import Prepared, critical_points, possible, prepare, refresh, unpredicted
 from vjm_updating.diagnosis.ramp_kind import RampTest, behind
 from vjm_updating.diagnosis.screening import projection
 from vjm_updating.diagnosis.search import RIVAL, Search
@@ -316,34 +316,36 @@ def _searched(
 ) -> tuple[Prepared, Search, ScoredModel]:
     """The search about the noise that its own best shows, and the best.
 
-    It begins without the readings near a critical point, and goes on with them from what it has found. Where they
-    then leave more than noise, and without them nothing did, those that no likely hypothesis predicts stay aside.
+    It begins without the readings near a critical point. Where that leaves noise alone it goes on with them from
+    what is then likely; where they leave more, those that no likely hypothesis predicts stay aside.
     """
 
     def run(
-        prepared: Prepared, known: Mapping[frozenset[str], ScoredModel]
+        prepared: Prepared, known: Mapping[frozenset[str], ScoredModel], begun: Sequence[ScoredModel] = ()
     ) -> tuple[Prepared, Search, ScoredModel]:
         search = replace(_search(prepared, kind, progress), known=known)
-        best = search.run()
+        best = search.run(begun)
         return replace(prepared, null=search.null), search, best
 
     none = np.zeros(len(prepared.critical), dtype=bool)
     prepared, search, best = run(prepared, {})
-    begun, known = best.fit, search.tried
+    first, known = best, search.tried
     right = prepared.critical.any() and not search.is_wrong(search.rest(best.fit))
-    likely = [r.fit for r in search.tried.values() if r.criterion < best.criterion + RIVAL]
+    likely = [r for r in search.tried.values() if r.criterion < best.criterion + RIVAL]
+    begun = likely if right and best.labels else []
     for _ in range(AGAIN):
         # seen from a model that was off, noise and outliers were guesses
         again = refresh(prepared, best.fit, none)
         if again is None:
             break
         before = best
-        prepared, search, best = run(again, search.tried)
+        prepared, search, best = run(again, search.tried, begun)
+        begun = []
         if right and search.is_wrong(search.rest(best.fit)):
-            aside = unpredicted(prepared, likely)
-            again = refresh(prepared, begun, aside) if aside.any() else None
+            aside = unpredicted(prepared, [r.fit for r in likely])
+            again = refresh(prepared, first.fit, aside) if aside.any() else None
             if again is not None:
-                prepared, search, best = run(again, known)
+                prepared, search, best = run(again, known, likely if first.labels else [])
             break
         if best.labels == before.labels:
             break
@@ -365,16 +367,16 @@ def _proved(
     """The verdict judged by what its members predict of readings held out, and the first's critical points."""
     null = prepared.null
     if not verdict.members:
-        return verdict, [], kind.critical_points(prepared.fitter, null, null)
+        return verdict, [], critical_points(prepared, null)
     hold_out = kind.hold_out(prepared.fitter, null)
-    points = [kind.critical_points(prepared.fitter, null, member.fit) for member in verdict.members]
+    points = [critical_points(prepared, member.fit) for member in verdict.members]
     gains = [
         hold_out(member.fit).model_copy(update={"critical": own[0].forces if own else CriticalForceRow()})
         for member, own in zip(verdict.members, points, strict=True)
     ]
     verdict = proved(verdict, gains[0])
     if not verdict.members:
-        return verdict, [], kind.critical_points(prepared.fitter, null, null)
+        return verdict, [], critical_points(prepared, null)
     candidates = [
         CandidateRow(
             causes=sorted(m.causes),
@@ -419,7 +421,7 @@ def _document(
             package=__version__, model_sha256=measurement.chain.sha256, data_sha256=measurement.data_sha256
         ),
         residual="; ".join(
-            text for text in (_residual_words(verdict) or kind.scatter(observed), _aside_words(prepared)) if text
+            text for text in (_residual_words(verdict) or kind.scatter(observed), aside_words(prepared)) if text
         ),
         contrasts=contrasts(fitter, prepared.null)[:SHOWN],
         noise=NoiseRow(
@@ -434,11 +436,15 @@ def _document(
     )
 
 
-def _aside_words(prepared: Prepared) -> str:
+def aside_words(prepared: Prepared) -> str:
+    """How many readings a diagnosis left out near a critical point, and why; empty where it left out none."""
     count = int(prepared.aside.sum())
     if not count:
         return ""
-    return f"{count} readings near a critical point are left out: nothing that explains the others predicts them"
+    why = (
+        "nothing that explains the others predicts them" if prepared.held_against else "nothing explains the others"
+    )
+    return f"{count} readings near a critical point are left out: {why}"
 
 
 def _residual_words(verdict: Verdict) -> str:

@@ -90,8 +90,11 @@ class Search:
     _beside: dict[frozenset[str], tuple[Fit, list[Score]]] = field(default_factory=dict, init=False)
     _exact_ones: set[frozenset[str]] = field(default_factory=set, init=False)
 
-    def run(self) -> ScoredModel:
-        """The best hypothesis; the null where nothing is significant."""
+    def run(self, begun: Sequence[ScoredModel] = ()) -> ScoredModel:
+        """The best hypothesis; the null where nothing is significant.
+
+        It goes on from those that fewer readings of the same test left likely; where there are none, from nothing.
+        """
         null = self.tried[frozenset()] = self.ranked(self.null)
         # what causes do beside nuisances that were taken far off says little
         self._near_null = self.fitter.near(self.null, START_WITHIN)
@@ -99,6 +102,12 @@ class Search:
         self.alarm = threshold(self.first)
         self._something = any(score.p < self.alarm for score in self.first) or self.is_wrong(self.rest(self.null))
         best, beam, pairs = null, [null], list[SearchMove]()
+        if begun:
+            self._fit(SearchMove(r.fit.hypothesis, self.null, [r.fit.values], -np.inf, 0.0) for r in begun)
+            for size in {len(r.labels) for r in begun}:
+                self._polished(size)
+            best = self._best
+            beam = self._polished(len(best.labels))[:BEAM]
         while beam and len(beam[0].labels) < MOST_CAUSES:
             size = len(beam[0].labels) + 1
             moves = [move for base in beam for move in self._forward(base)]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -191,7 +191,7 @@ def judge(search: Search, best: ScoredModel) -> Verdict:
         beside = ScoredModel(best.fit, best.criterion + further + cost, best.cost + cost)
     power = coarsening(explained, search.costs.law_error) if search.costs.other_shapes else 1.0
     posterior = posterior_of(search, best, alone, beside, power)
-    weights = _weights(search, best)
+    weights = weights_of(search.tried.values(), best)
     wrong = posterior.unknown > 0.5 or search.is_wrong(rest)
     bare = Verdict("none", (), (), posterior.nothing, (), rest, posterior=posterior, more_than_noise=wrong)
     # what a law's error may leave, and what it costs to take a nuisance off its sheet, is in the posterior; beyond
@@ -428,14 +428,14 @@ def needless(best: ScoredModel, rival: ScoredModel) -> bool:
     return bool(others) and all(contained.intersection((effect.cause, effect.label)) for effect in others)
 
 
-def _weights(search: Search, best: ScoredModel) -> dict[ScoredModel, float]:
+def weights_of(tried: Iterable[ScoredModel], best: ScoredModel) -> dict[ScoredModel, float]:
     """Probability of every hypothesis tried, by its criterion.
 
     Supersets of the best, a rejected null, and others whose fits have not come to an end have none.
     """
     ranked = [
         r
-        for r in search.tried.values()
+        for r in tried
         if r.labels == best.labels
         or (r.fit.converged and not r.labels > best.labels and (r.labels or not best.labels))
     ]

@@ -36,6 +36,16 @@ def test_readings_cost_what_they_narrow_a_shape_down_by(precision):
     assert cost == pytest.approx(-2.0 * np.log(evidence), abs=4.0 / max(precision, 1e3))
 
 
+def test_no_direction_costs_more_than_a_free_parameter():
+    """One that readings narrow down by e^20 of its prior, beside one that they do not see."""
+    prior, most = np.full(2, np.sqrt(2.0)), np.log(1000.0)
+    covariance = np.diag([1.0 / (np.exp(20.0) + 2.0), 0.5])
+    bounded, free = (narrowed(covariance, prior, np.ones(2), limit) for limit in (most, np.inf))
+    # log(1 + p pi/2) of p = e^20
+    assert free == pytest.approx(20.0 + np.log(0.5 * np.pi), abs=1e-6)
+    assert bounded == pytest.approx(most, abs=1e-6)
+
+
 def test_what_is_not_seen_costs_nothing_beside_what_is():
     """Two shapes of which readings see the sum alone: it is one number that they narrow down."""
     seen, prior = 1e4, np.full(2, np.sqrt(2.0))

@@ -17,6 +17,7 @@ from vjm_updating.diagnosis.verdict import (
     needless,
     posterior_of,
     proved,
+    weights_of,
 )
 from vjm_updating.inference.instruments import InstrumentZero, ThermalDrift
 from vjm_updating.inference.parameters import coordinates
@@ -96,6 +97,30 @@ def test_a_cause_may_sit_in_another_place():
     assert not in_other_places(at("fx_N", converged=False), at("ux_mm"))
     # two places at once are another hypothesis
     assert not in_other_places(at("fx_N", "fz_N"), at("ux_mm"))
+
+
+def test_only_fits_that_have_ended_have_a_weight():
+    def fitted(*effects, objective, converged=True):
+        found = ranked(*effects, objective=objective)
+        found.fit.converged = converged
+        return found
+
+    best = fitted(LINEAR, objective=100.0)
+    # as likely as e^-1; below the best for its fit has not ended; more causes than needed; the rejected null
+    rival = fitted(HARDENING, objective=102.0)
+    rest = (
+        fitted(ZERO, objective=60.0, converged=False),
+        fitted(LINEAR, ZERO, objective=99.0),
+        fitted(objective=90.0),
+    )
+    weights = weights_of((best, rival, *rest), best)
+    assert weights == {
+        best: pytest.approx(1.0 / (1.0 + np.exp(-1.0))),
+        rival: pytest.approx(np.exp(-1.0) / (1.0 + np.exp(-1.0))),
+    }
+    # there is no other to go by where the best's own has not ended
+    alone = fitted(LINEAR, objective=100.0, converged=False)
+    assert weights_of((alone, *rest), alone) == {alone: 1.0}
 
 
 def test_places_are_credible_up_to_what_an_interval_holds():
