@@ -9,7 +9,7 @@ from scipy.integrate import quad
 
 from vjm_updating.diagnosis.evidence import Costs, criterion, effective_samples, narrowed
 from vjm_updating.diagnosis.preprocess import prepare
-from vjm_updating.diagnosis.search import Search
+from vjm_updating.diagnosis.search import RIVAL, Search
 from vjm_updating.experiment import read_measurement
 from vjm_updating.inference.fitting import ENOUGH, ROUNDING, best_fit
 from vjm_updating.inference.forward import observe_ramps
@@ -144,6 +144,20 @@ def test_the_hidden_cause_has_the_best_evidence(searched):
     search, best = searched
     assert best.causes == {"actuator_compliance"}
     assert best.criterion == min(r.criterion for r in search.tried.values())
+
+
+@pytest.mark.slow
+def test_a_search_that_goes_on_from_what_is_likely_ends_where_a_whole_one_does(searched):
+    search, best = searched
+    likely = [r for r in search.tried.values() if r.criterion < best.criterion + RIVAL]
+    again = replace(search, known=search.tried)
+    found = again.run(likely)
+    assert found.labels == best.labels
+    # two searches differ by what a fit leaves when it ends
+    assert found.criterion == pytest.approx(best.criterion, abs=2.0 * np.sqrt(ENOUGH * ROUNDING))
+    # what is not likely is not fitted again
+    assert {r.labels for r in likely} <= set(again.tried)
+    assert len(again.tried) < len(search.tried)
 
 
 @pytest.mark.slow
