@@ -41,7 +41,11 @@ def test_cheap_ways_agree(number: int, tmp_path: Path):
     assert disagreements(number, tmp_path, slow=False) == []
 
 
-@pytest.mark.parametrize(("seed", "number", "about"), DIFFERED)
+@pytest.mark.parametrize(
+    ("seed", "number", "about"),
+    # a least critical force takes two minutes: the next test asks all questions of each machine
+    [one for one in DIFFERED if not one[2].startswith("least")],
+)
 def test_ways_that_once_differed_agree(seed: int, number: int, about: str, tmp_path: Path):
     assert disagreements(number, tmp_path, slow=True, seed=seed, about=about) == []
 
