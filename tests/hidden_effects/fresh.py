@@ -244,7 +244,9 @@ def fresh(
         "seed": seed, "poses-seed": poses_seed, "others-seed": others_seed, "sets": sets, "others": others,
         "minutes": f"{minutes:g}",
     }  # fmt: skip
-    options = " ".join(f"--{name} {value}" for name, value in given.items() if value is not None)
+    # of other folders the names: where they lie is another matter on each machine
+    folders = [("generators", one.name) for one in generators if generators != OTHERS]
+    options = " ".join(f"--{name} {value}" for name, value in (*given.items(), *folders) if value is not None)
     text = words(result, f"python -m hidden_effects.fresh {options}")
     write_whole(out / "fresh.md", text)
     for page in renew:
