@@ -16,6 +16,7 @@ from vjm.engines import VjmEngine
 from vjm.io.model_file import build_chain, load_chain, read_document
 from vjm.model.load_case import Load, LoadCase, PointControl
 from vjm.model.parameters import compliance_factor
+from vjm_updating.diagnosis.kinds import kind_of
 from vjm_updating.diagnosis.preprocess import critical_points, prepare, refresh
 from vjm_updating.diagnosis.ramp_kind import knee
 from vjm_updating.diagnosis.run import aside_words
@@ -330,8 +331,17 @@ def test_readings_that_were_left_out_belong_to_the_measured_knee(past_buckling):
     # several rays go this way, of which one is told of; their noise is far below
     assert row.reached_N == pytest.approx(np.nanmax(everything), rel=1e-3)
     assert row.measured_N is not None
-    # the nominal machine's own knee lies where its path bends, off the measured one as far as the drive is soft
-    assert row.before_N == pytest.approx(row.nominal_N, rel=0.03)
+    # the fitted null took its moduli far off in place of the soft drive: its knee is its own critical point,
+    # read off where two slopes of coarse readings meet
+    assert row.before_N == pytest.approx(row.extended_N, rel=0.03)
+    # and what it predicts of all readings, by a model that never went without them
+    null, ray = prepared.null, next(r for r in prepared.all.rays if r.posture == "A")
+    whole = kind_of(prepared.all.measurement).forward(prepared.all)
+    whole.branches = dict(prepared.fitter.forward.branches)
+    predicted = prepared.all.measured - whole.evaluate(null.parameters, null.evaluation.z, ()).residual
+    on = ray.index[prepared.all.imposed[ray.index, 0] < 0.0]
+    bent = knee(-prepared.all.imposed[on, 0], -predicted[on, 0])
+    assert row.before_N == pytest.approx(bent[1], rel=1e-6)
     assert np.array_equal(prepared.fitter.forward.observed.present, present)
 
 
