@@ -91,7 +91,7 @@ def hold_out(fitter: LeastSquaresProblem, null: Fit, split: Split) -> HoldOut:
 def _without(fitter: LeastSquaresProblem, own: np.ndarray) -> LeastSquaresProblem:
     observed = fitter.forward.observed
     kept = observed.without(observed.present & own[:, None])
-    return LeastSquaresProblem(fitter.forward.reading(kept), fitter.nuisances, fitter.whitening.reading(kept))
+    return fitter.reading(kept)
 
 
 def held_out_residual(fitter: LeastSquaresProblem, fit: Fit, split: Split, otherwise: Array | None = None) -> Array:

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,7 +16,7 @@ from vjm_updating.diagnosis.kinds import kind_of
 from vjm_updating.diagnosis.screening import STRONG, SignatureSet, signed
 from vjm_updating.inference.fitting import Fit, LeastSquaresProblem, best_fit, weighed, whitening_of
 from vjm_updating.inference.observed import Observed
-from vjm_updating.inference.parameters import Evaluation, coordinates, nuisance_coordinates
+from vjm_updating.inference.parameters import coordinates, nuisance_coordinates
 from vjm_updating.inference.refit import choose_branches, leave_out, refit, standing_out, update_autocorrelation
 from vjm_updating.inference.significance import level
 from vjm_updating.mechanisms.catalogue import Maker
@@ -101,26 +100,16 @@ def possible(effects: Sequence[Effect], only: Sequence[str], without: Sequence[s
     return tuple(e for e in effects if e.cause not in without and (not only or e.cause in only))
 
 
-@contextmanager
-def _reading(fitter: LeastSquaresProblem, observed: Observed, evaluation: Evaluation) -> Iterator[None]:
-    """With these readings for a while; their covariances are those of an ``evaluation``."""
-    own, whitening = fitter.forward.observed, fitter.whitening
-    leave_out(fitter, lambda everything, _: everything, observed, np.zeros_like(observed.present), evaluation)
-    try:
-        yield
-    finally:
-        fitter.forward.observed, fitter.whitening = own, whitening
-
-
 def unpredicted(prepared: Prepared, fits: Sequence[Fit]) -> np.ndarray:
     """Readings ``(n,)`` near a critical point that none of some fits predicts as well as noise allows."""
-    fitter, everything, result = prepared.fitter, prepared.all, prepared.critical.copy()
+    everything, result = prepared.all, prepared.critical.copy()
+    fitter = prepared.fitter.reading(everything)
     for fit in fits:
-        with _reading(fitter, everything, fit.evaluation):
-            evaluation = fitter.evaluate(fit.parameters, fit.evaluation.z, fit.hypothesis)
-            if evaluation is not None:
-                off = fitter.whitening.instant(np.where(everything.present, evaluation.residual, 0.0))
-                result &= np.abs(off).max(axis=1) > level(int(everything.present.sum()))
+        fitter.weigh(fit.evaluation)
+        evaluation = fitter.evaluate(fit.parameters, fit.evaluation.z, fit.hypothesis)
+        if evaluation is not None:
+            off = fitter.whitening.instant(np.where(everything.present, evaluation.residual, 0.0))
+            result &= np.abs(off).max(axis=1) > level(int(everything.present.sum()))
     return result
 
 
@@ -130,17 +119,17 @@ def critical_points(prepared: Prepared, fit: Fit) -> list[CriticalPointRow]:
     if not prepared.aside.any():
         return kind.critical_points(fitter, prepared.null, fit)
     outliers = prepared.all.present & ~fitter.forward.observed.present & ~prepared.aside[:, None]
-    nowhere = np.where(prepared.aside[:, None], np.nan, 0.0)
+    fitter = fitter.reading(prepared.all.without(outliers))
 
     def everywhere(one: Fit) -> Fit:
         evaluation = fitter.evaluate(one.parameters, one.evaluation.z, one.hypothesis)
-        # where the model does not stand it predicts nothing
-        return replace(
-            one, evaluation=evaluation or replace(one.evaluation, residual=one.evaluation.residual + nowhere)
-        )
+        if evaluation is None:
+            # where the model does not stand it predicts nothing
+            residual = np.where(prepared.aside[:, None], np.nan, one.evaluation.residual)
+            evaluation = replace(one.evaluation, residual=residual)
+        return replace(one, evaluation=evaluation)
 
-    with _reading(fitter, prepared.all.without(outliers), fit.evaluation):
-        return kind.critical_points(fitter, everywhere(prepared.null), everywhere(fit))
+    return kind.critical_points(fitter, everywhere(prepared.null), everywhere(fit))
 
 
 def refresh(prepared: Prepared, best: Fit, aside: np.ndarray | None = None) -> Prepared | None:

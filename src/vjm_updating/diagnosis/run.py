@@ -339,13 +339,12 @@ def _searched(
         if again is None:
             break
         before = best
-        prepared, search, best = run(again, search.tried, begun)
-        begun = []
+        prepared, search, best = run(again, search.tried, begun if before is first else ())
         if right and search.is_wrong(search.rest(best.fit)):
             aside = unpredicted(prepared, [r.fit for r in likely])
             again = refresh(prepared, first.fit, aside) if aside.any() else None
             if again is not None:
-                prepared, search, best = run(again, known, likely if first.labels else [])
+                prepared, search, best = run(again, known, begun)
             break
         if best.labels == before.labels:
             break

@@ -237,6 +237,10 @@ class LeastSquaresProblem:
         """A fit's derivatives ``(n, 6, m)`` by the machine's nuisances."""
         return fit.jacobian[:, :, self.of_machine]
 
+    def reading(self, observed: Observed) -> LeastSquaresProblem:
+        """The same for other readings of the same test; their covariances are still to be `weighed`."""
+        return replace(self, forward=self.forward.reading(observed), whitening=self.whitening.reading(observed))
+
     def weigh(self, evaluation: Evaluation) -> None:
         """Renew the covariances of the readings."""
         observed = self.forward.observed

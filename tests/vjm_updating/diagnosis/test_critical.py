@@ -278,9 +278,20 @@ def past_buckling(make, tmp_path_factory):
     return files, held
 
 
-def test_a_search_begins_before_the_critical_points(past_buckling):
+@pytest.fixture(scope="module")
+def begun(past_buckling):
+    """The soft drive's test before any cause is tried."""
     files, _ = past_buckling
-    prepared = prepare(observe_ramps(read_measurement(files.data, files.sheet)))
+    return prepare(observe_ramps(read_measurement(files.data, files.sheet)))
+
+
+def pushed_in_a(rows):
+    """What was found of posture A as it is pushed."""
+    return next(row for row in rows if (row.posture, row.direction) == ("A", "compression"))
+
+
+def test_a_search_begins_before_the_critical_points(begun):
+    prepared = begun
     u = np.abs(prepared.all.imposed[:, 0])
     on = (prepared.all.readings.posture == "A") & (prepared.all.imposed[:, 0] < 0.0)
     assert prepared.critical.any()
@@ -305,36 +316,33 @@ def test_what_happens_past_a_critical_point_hides_no_cause(past_buckling, tmp_pa
     # what was read there counts for the report all the same
     rows = [line.split(",") for line in (held if straight else files.data).read_text().splitlines()]
     force = [float(row[rows[0].index("fx_N")]) for row in rows[1:] if row[rows[0].index("posture")] == "A"]
-    pushed = next(row for row in found.critical if (row.posture, row.direction) == ("A", "compression"))
+    pushed = pushed_in_a(found.critical)
+    # one of several rays is told of; four times their noise of 2 N
     assert pushed.reached_N == pytest.approx(-min(force), rel=1e-3)
-    # what goes on straight has no knee; the extended model's is that of the readings to their noise
+    # what goes on straight has no knee; the extended model's is that of the readings to eight times their noise of
+    # 2 N, for a knee may change to the next reading; the nominal machine's is 1.3 % off
     assert (pushed.measured_N is None) is straight
     if not straight:
         assert pushed.after_N == pytest.approx(pushed.measured_N, rel=2e-3)
 
 
-def test_readings_that_were_left_out_belong_to_the_measured_knee(past_buckling):
+def test_readings_that_were_left_out_belong_to_the_measured_knee(begun):
     """Before any cause is tried the fitter goes without them; the report does not."""
-    files, _ = past_buckling
-    prepared = prepare(observe_ramps(read_measurement(files.data, files.sheet)))
+    prepared = begun
     assert prepared.aside.any()
     everything = -prepared.all.measured[
         (prepared.all.readings.posture == "A") & (prepared.all.imposed[:, 0] < 0), 0
     ]
 
-    def pushed():
-        rows = critical_points(prepared, prepared.null)
-        return next(row for row in rows if (row.posture, row.direction) == ("A", "compression"))
-
     present = prepared.fitter.forward.observed.present.copy()
-    row = pushed()
-    # several rays go this way, of which one is told of; their noise is far below
+    row = pushed_in_a(critical_points(prepared, prepared.null))
+    # one of several rays is told of: four times their noise of 2 N; readings that count reach 7,471 N
     assert row.reached_N == pytest.approx(np.nanmax(everything), rel=1e-3)
     assert row.measured_N is not None
     # the fitted null took its moduli far off in place of the soft drive: its knee is its own critical point,
-    # read off where two slopes of coarse readings meet
-    assert row.before_N == pytest.approx(row.extended_N, rel=0.03)
-    # and what it predicts of all readings, by a model that never went without them
+    # read off where two slopes meet, from readings 0.2 mm apart: 0.3 % off; the drawn machine's is 18 % off
+    assert row.before_N == pytest.approx(row.extended_N, rel=0.01)
+    # and what it predicts of all readings, by a model that never went without them: the same to Newton's tolerance
     null, ray = prepared.null, next(r for r in prepared.all.rays if r.posture == "A")
     whole = kind_of(prepared.all.measurement).forward(prepared.all)
     whole.branches = dict(prepared.fitter.forward.branches)
@@ -345,22 +353,20 @@ def test_readings_that_were_left_out_belong_to_the_measured_knee(past_buckling):
     assert np.array_equal(prepared.fitter.forward.observed.present, present)
 
 
-def test_a_model_that_does_not_stand_there_predicts_no_knee(past_buckling, monkeypatch):
-    files, _ = past_buckling
-    prepared = prepare(observe_ramps(read_measurement(files.data, files.sheet)))
+def test_a_model_that_does_not_stand_there_predicts_no_knee(begun, monkeypatch):
+    prepared = begun
     monkeypatch.setattr(LeastSquaresProblem, "evaluate", lambda *_, **__: None)
-    rows = critical_points(prepared, prepared.null)
-    row = next(row for row in rows if (row.posture, row.direction) == ("A", "compression"))
+    row = pushed_in_a(critical_points(prepared, prepared.null))
     assert row.measured_N is not None
     assert (row.before_N, row.after_N) == (None, None)
 
 
-def test_why_readings_near_a_critical_point_are_left_out_is_said(past_buckling):
-    files, _ = past_buckling
-    prepared = prepare(observe_ramps(read_measurement(files.data, files.sheet)))
+def test_why_readings_near_a_critical_point_are_left_out_is_said(begun):
+    prepared = begun
     count = int(prepared.aside.sum())
-    begun = aside_words(prepared)
-    assert begun == f"{count} readings near a critical point are left out: nothing explains the others"
+    assert (
+        aside_words(prepared) == f"{count} readings near a critical point are left out: nothing explains the others"
+    )
     held = aside_words(replace(prepared, held_against=True))
     assert held.endswith("left out: nothing that explains the others predicts them")
     assert aside_words(replace(prepared, aside=np.zeros_like(prepared.aside))) == ""

@@ -41,7 +41,7 @@ def test_no_direction_costs_more_than_a_free_parameter():
     prior, most = np.full(2, np.sqrt(2.0)), np.log(1000.0)
     covariance = np.diag([1.0 / (np.exp(20.0) + 2.0), 0.5])
     bounded, free = (narrowed(covariance, prior, np.ones(2), limit) for limit in (most, np.inf))
-    # log(1 + p pi/2) of p = e^20
+    # log(1 + p pi/2) of p = e^20, less 1e-9; rounding of a pseudo-inverse of condition 1e9 is 1e-7
     assert free == pytest.approx(20.0 + np.log(0.5 * np.pi), abs=1e-6)
     assert bounded == pytest.approx(most, abs=1e-6)
 
