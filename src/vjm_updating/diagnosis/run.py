@@ -331,7 +331,10 @@ def _searched(
     prepared, search, best = run(prepared, {})
     first, known = best, search.tried
     right = prepared.critical.any() and not search.is_wrong(search.rest(best.fit))
-    likely = [r for r in search.tried.values() if r.criterion < best.criterion + RIVAL]
+    # the best first: a search takes up a few
+    likely = sorted(
+        (r for r in search.tried.values() if r.criterion < best.criterion + RIVAL), key=lambda r: r.criterion
+    )
     begun = likely if right and best.labels else []
     for _ in range(AGAIN):
         # seen from a model that was off, noise and outliers were guesses
