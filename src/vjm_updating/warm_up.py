@@ -10,10 +10,13 @@ import numpy as np
 from vjm import warm_up
 from vjm.engines import VjmEngine
 from vjm.io.model_file import load_chain
+from vjm.model.laws import StrainWave
 from vjm_updating.inference.bounded_normal import bounded_step
+from vjm_updating.inference.joint_forward import deflections
 from vjm_updating.inference.noise import uncorrelated_noise
 from vjm_updating.mechanisms.column import column_force
 from vjm_updating.mechanisms.equilibrium_tables import HalfRay, Sheaf, tabulate
+from vjm_updating.mechanisms.history_kernels import hardening_deflections
 from vjm_updating.mechanisms.hysteresis import friction_torques
 from vjm_updating.mechanisms.modified_chain import ModifiedMachine
 from vjm_updating.mechanisms.relaxation import Relaxation, relaxing
@@ -37,6 +40,8 @@ def histories() -> None:
     yielding(0.5, 1e-6)(force, history)
     friction_torques(np.zeros((2, 1)), np.ones((2, 1, 1)), 1.0, history.begins, np.zeros((2, 1)))
     column_force(force, 100.0, 1e6)
+    deflections(StrainWave(K1=1.0, K2=2.0, K3=4.0, T1=1.0, T2=3.0).curve, force)
+    hardening_deflections(force, 2.0, 2.0)
     noise = uncorrelated_noise(np.zeros(2), np.ones((2, 1), dtype=bool))
     noise.back(noise.remove(np.ones((2, 1))))
     # a step that its bounds cut short: two coordinates that act together

@@ -12,6 +12,8 @@ ENTRIES = (
     column._forces,
     history_kernels.interpolated,
     history_kernels.looked_up,
+    history_kernels.curve_deflections,
+    history_kernels.hardening_deflections,
     history_kernels.friction_along,
     history_kernels.decaying,
     history_kernels.flowing,

@@ -30,6 +30,7 @@ from vjm_updating.mechanisms.drives import (
     wound_up_by_load,
 )
 from vjm_updating.mechanisms.effect import Effect, Quantity, part_table
+from vjm_updating.mechanisms.history_kernels import curve_deflections, hardening_deflections
 from vjm_updating.mechanisms.hysteresis import friction_torques
 from vjm_updating.mechanisms.series_elements import AtJoint, ElementSite, History, SeriesElement, memoryless
 
@@ -54,8 +55,6 @@ FIRST_KINK = prior_scale(0.2)
 """Torque of the first kink over the largest of a test, in order of magnitude."""
 EARLIEST_KINK = physical_bound(0.05)
 """The same at least: tests do not load a gear to more than twenty times the torque of its first kink."""
-NEWTON_STEPS, LAST_STEP = numerical(60), numerical(1e-13)
-"""Of Newton's method, and its last step."""
 ELASTIC = prior_scale(0.02)
 """Presliding over the test's largest motion, in order of magnitude."""
 
@@ -126,10 +125,9 @@ class JointHardening(SpringUnderTest, ActuatorHardening):
         r, c, m, by_load = values
 
         def law(N: Array) -> tuple[Array, Array]:
-            of_wind_up, of_load = wound_up(N / self.force, r, m), wound_up_by_load(N / self.force, r, m)
-            x, slope = (
-                (1.0 - by_load) * one + by_load * other for one, other in zip(of_wind_up, of_load, strict=True)
-            )
+            share = N / self.force
+            by_wind_up, other = hardening_deflections(share, r, m), wound_up_by_load(share, r, m)
+            x, slope = ((1.0 - by_load) * a + by_load * b for a, b in zip(by_wind_up, other, strict=True))
             return c * self.force * x - self.compliance * N, c * slope - self.compliance
 
         return (SeriesElement(place, memoryless(law)),)
@@ -185,8 +183,8 @@ class JointThreeSlopes(SpringUnderTest):
         curve = three_slopes(values).curve
 
         def law(N: Array) -> tuple[Array, Array]:
-            x = deflections(curve, N)
-            return x - self.compliance * N, 1.0 / curve.tangent(x) - self.compliance
+            x, tangent = deflections(curve, N)
+            return x - self.compliance * N, 1.0 / tangent - self.compliance
 
         return (SeriesElement(place, memoryless(law)),)
 
@@ -219,55 +217,21 @@ def beyond_straight(law: Law, joint: str, compliance: float, lever: float) -> Se
     """
 
     def extension(N: Array) -> tuple[Array, Array]:
-        u = deflections(law.curve, N * lever)
-        return u * lever - compliance * N, lever**2 / law.tangent(u) - compliance
+        u, tangent = deflections(law.curve, N * lever)
+        return u * lever - compliance * N, lever**2 / tangent - compliance
 
     return SeriesElement(AtJoint(joint, lever), memoryless(extension))
 
 
-def deflections(curve: Curve, forces: Array) -> Array:
-    """Deflections ``(n,)`` at forces ``(n,)`` of a curve whose slope is nowhere zero, by Newton's method.
-
-    It begins on the lines between the knots, each of which turns by one transition only.
+def deflections(curve: Curve, forces: Array) -> tuple[Array, Array]:
+    """Deflections ``(n,)`` at forces ``(n,)`` of a curve whose slope is nowhere zero, and tangents there ``(n,)``.
 
     Example:
         >>> gear = StrainWave(K1=1.0, K2=2.0, K3=4.0, T1=1.0, T2=3.0)
-        >>> deflections(gear.curve, np.array([-0.5, 7.0])).tolist()
+        >>> deflections(gear.curve, np.array([-0.5, 7.0]))[0].tolist()
         [-0.5, 3.0]
     """
-    knot_forces = curve.force(curve.knots)
-    u = np.interp(forces, knot_forces, curve.knots)
-    u = (
-        u
-        + np.minimum(forces - knot_forces[0], 0.0) / curve.pieces[0, 1]
-        + np.maximum(forces - knot_forces[-1], 0.0) / curve.pieces[-1, 1]
-    )
-    for _ in range(NEWTON_STEPS):
-        step = (forces - curve.force(u)) / curve.tangent(u)
-        u = u + step
-        if np.abs(step).max(initial=0.0) <= LAST_STEP * np.abs(u).max(initial=0.0):
-            break
-    return u
-
-
-def wound_up(load: Array, ratio: float, power: float) -> tuple[Array, Array]:
-    """Wind-up ``(n,)`` and its derivative at shares of the largest load, of a spring of unit compliance at no load.
-
-    By Newton's method on a monotone law; beyond the largest load its tangent goes straight on.
-    """
-    a = (ratio - 1.0) / (power + 1.0)
-    most = 1.0 / (1.0 + a)
-    size = np.abs(load)
-    inside = np.minimum(size, 1.0)
-    s = inside.copy()
-    for _ in range(NEWTON_STEPS):
-        step = (s * (1.0 + a * s**power) * most - inside) / ((1.0 + (power + 1.0) * a * s**power) * most)
-        s = np.clip(s - step, 0.0, 1.0)
-        if np.abs(step).max(initial=0.0) < LAST_STEP:
-            break
-    tangent = 1.0 / (1.0 + (power + 1.0) * a * s**power)
-    x = most * s + (size - inside) / ratio
-    return np.sign(load) * x, tangent
+    return curve_deflections(forces, curve.knots, curve.origin, curve.pieces)
 
 
 def _told(drive: DriveSite, own: Quantity) -> Quantity:

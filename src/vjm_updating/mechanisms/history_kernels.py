@@ -1,6 +1,7 @@
 """What depends on the history of a test or is looked up at every reading, compiled.
 
-Tables, friction, creep and yield, and the wrenches of `vjm_updating.mechanisms.relaxation` along a history.
+Tables, springs whose stiffness changes, friction, creep and yield, and the wrenches of
+`vjm_updating.mechanisms.relaxation` along a history.
 """
 
 from __future__ import annotations
@@ -122,6 +123,74 @@ def on_chords(
         for k in range(width):
             result[r, k] = (1.0 - t) * values[i, k] + t * values[i + 1, k]
     return result
+
+
+NEWTON_STEPS, LAST_STEP = numerical(60), numerical(1e-13)
+"""Of Newton's method for a spring, and its last step over the deflection at the largest force."""
+
+
+@entry
+def curve_deflections(forces: Array, knots: Array, origin: Array, pieces: Array) -> tuple[Array, Array]:
+    """Deflections ``(n,)`` at forces ``(n,)`` of a `vjm.model.laws.Curve` that rises everywhere, and its tangents.
+
+    Newton's method begins on the lines between the knots, each of which turns by one transition only.
+    """
+    n, last, order = len(forces), len(knots) - 1, pieces.shape[1]
+    u, tangent = np.empty(n), np.empty(n)
+    heights = np.empty(last + 1)
+    for k in range(last + 1):
+        s, height = knots[k] - origin[k], 0.0
+        for power in range(order - 1, -1, -1):
+            height = height * s + pieces[k, power]
+        heights[k] = height
+    for i in range(n):
+        force = forces[i]
+        if force <= heights[0]:
+            x = knots[0] + (force - heights[0]) / pieces[0, 1]
+        elif force >= heights[last]:
+            x = knots[last] + (force - heights[last]) / pieces[last + 1, 1]
+        else:
+            k = np.searchsorted(heights, force)
+            x = knots[k - 1] + (force - heights[k - 1]) / (heights[k] - heights[k - 1]) * (knots[k] - knots[k - 1])
+        for _ in range(NEWTON_STEPS):
+            piece = np.searchsorted(knots, x, side="right")
+            s, value, slope = x - origin[piece], 0.0, 0.0
+            for power in range(order - 1, -1, -1):
+                slope = slope * s + value
+                value = value * s + pieces[piece, power]
+            tangent[i] = slope
+            step = (force - value) / slope
+            x += step
+            if abs(step) <= LAST_STEP * abs(x):
+                break
+        u[i] = x
+    return u, tangent
+
+
+@entry
+def hardening_deflections(shares: Array, ratio: float, power: float) -> tuple[Array, Array]:
+    """Deflections ``(n,)`` and their slopes at shares of the largest load, of unit compliance at no load.
+
+    The load is ``s (1 + a s^power)``; its tangent at the largest load is ``ratio`` times that at none. Beyond the
+    largest load the tangent goes straight on.
+    """
+    a = (ratio - 1.0) / (power + 1.0)
+    most = 1.0 / (1.0 + a)
+    x, slope = np.empty(len(shares)), np.empty(len(shares))
+    for i in range(len(shares)):
+        size = abs(shares[i])
+        inside = min(size, 1.0)
+        s = inside
+        bend = a * s**power
+        for _ in range(NEWTON_STEPS):
+            step = (s * (1.0 + bend) * most - inside) / ((1.0 + (power + 1.0) * bend) * most)
+            s = min(max(s - step, 0.0), 1.0)
+            bend = a * s**power
+            if abs(step) < LAST_STEP:
+                break
+        slope[i] = 1.0 / (1.0 + (power + 1.0) * bend)
+        x[i] = np.sign(shares[i]) * (most * s + (size - inside) / ratio)
+    return x, slope
 
 
 @entry

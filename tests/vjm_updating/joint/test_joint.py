@@ -23,10 +23,11 @@ from vjm_updating.diagnosis.preprocess import prepare
 from vjm_updating.diagnosis.summary_text import lines
 from vjm_updating.experiment import read_measurement
 from vjm_updating.experiment.plausibility import considered
-from vjm_updating.inference.joint_forward import JointHardening, wound_up
+from vjm_updating.inference.joint_forward import JointHardening
 from vjm_updating.inference.observed import observe_joint
 from vjm_updating.inference.parameters import coordinates, of_effect, start
 from vjm_updating.mechanisms.contacts import ActuatorBacklash
+from vjm_updating.mechanisms.history_kernels import hardening_deflections
 
 CUBIC = 7e6 / 0.005**2
 ALL = Joint(stiffness=7e6, cubic=CUBIC, gap=3e-4, friction=2500.0)
@@ -137,6 +138,7 @@ def test_an_outlier_is_told_over_the_noise_of_load_and_motion(tmp_path):
     assert expected[30] > 60.0
 
 
+@pytest.mark.slow
 def test_a_stiffness_is_known_no_better_than_the_cell(tmp_path):
     """The sheet's scale errors of cell and gauge, 0.5 and 0.05 %, and hardly anything else: 200 readings."""
     row = by_name(calibrate_joint(*write(tmp_path, Joint(), 5), tmp_path / "out"))["stiffness"]
@@ -210,7 +212,8 @@ def test_a_diagnosis_names_what_was_hidden(tmp_path, joint, causes):
 )
 def test_an_interval_of_presliding_is_told_only_where_readings_have_it(tmp_path, elastic):
     """They lie 2e-4 rad apart: after a reversal a joint that slips within that has slipped at the next reading."""
-    document = diagnose(*write(tmp_path, Joint(friction=3000.0, presliding=elastic), 5), tmp_path / "out")
+    files = write(tmp_path, Joint(friction=3000.0, presliding=elastic), 5)
+    document = diagnose(*files, tmp_path / "out", page=True)
     assert (document.verdict, document.causes) == ("named", ["joint_friction"])
     row = document.parameters["joint_friction.presliding_rad"]
     low, high = row.interval95
@@ -293,7 +296,7 @@ def test_a_cell_far_off_its_sheet_is_less_likely_than_another_stiffness(tmp_path
 def test_the_wound_up_spring_bears_its_load(ratio):
     """Against the law solved by bracketing; both are exact to rounding."""
     loads = np.array([-1.0, -0.3, 0.0, 0.05, 0.5, 1.0])
-    found, slope = wound_up(loads, ratio, 2.0)
+    found, slope = hardening_deflections(loads, ratio, 2.0)
     a = (ratio - 1.0) / 3.0
     end = 1.0 / (1.0 + a)
     wanted = [
