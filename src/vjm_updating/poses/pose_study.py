@@ -22,8 +22,8 @@ from vjm_updating.poses.state import Candidates, FittedState
 from vjm_updating.poses.study import BEHIND_ENCODERS, SeriesStudy
 
 ROUNDS = numerical(50)
-SETTLED = numerical(1e-6, "mm")
-"""mm: change of the mean error below which the frames have settled."""
+SETTLED, SHARE = numerical(1e-6, "mm"), numerical(1e-4)
+"""Change of the mean error below which the frames have settled: in mm; above 1 mm over the error."""
 
 
 def kabsch(p: Array, y: Array) -> tuple[Array, Array]:
@@ -57,12 +57,15 @@ def _fitted(R: Array, p: Array, position: Array, whole: np.ndarray, prior: Array
         place = (p + np.einsum("sab,sb->sa", R, m[of])) @ Q.T
         error = y - place - t
         size = np.linalg.norm(error, axis=1)
-        if abs(last - (left := float(size.mean()))) < SETTLED:
+        left = float(size.mean())
+        if abs(last - left) < (SHARE * left if left > 1.0 else SETTLED):
             break
         last = left
         J = np.zeros((len(y), 3, 6 + 3 * k))
-        for a, e in enumerate(np.eye(3)):
-            J[:, :, a], J[:, a, 3 + a] = np.cross(e, place), 1.0
+        for one in range(3):
+            # a turn about an axis moves a place along the next two
+            two, three = (one + 1) % 3, (one + 2) % 3
+            J[:, two, one], J[:, three, one], J[:, one, 3 + one] = -place[:, three], place[:, two], 1.0
         columns = 6 + 3 * of[:, None] + np.arange(3)
         J[np.arange(len(y))[:, None, None], np.arange(3)[:, None], columns[:, None, :]] = Q @ R
         # the prior of a place, in the unit of the errors there

@@ -313,11 +313,13 @@ def _within_bounds(study: Study, state: FittedState, kept: set[str]) -> tuple[St
 
 def _ended(study: Study, state: FittedState) -> list[str]:
     """Members of a fit at a bound. A compliance of none is a finding, for a joint can be rigid."""
-    ended, z, upper = set(state.solution.at_bound.tolist()), state.solution.z, state.blocks.upper
+    ended, z, blocks = set(state.solution.at_bound.tolist()), state.solution.z, state.blocks
+    # the nearer bound: one that was met is met to rounding
+    at_most = blocks.upper - z < z - blocks.lower
     return [
         m.name
         for u, m in enumerate(study.members, start=state.blocks.nuisances)
-        if u in ended and (m.kind != COMPLIANCE or z[u] >= upper[u])
+        if u in ended and (m.kind != COMPLIANCE or at_most[u])
     ]
 
 
