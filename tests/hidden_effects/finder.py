@@ -89,15 +89,18 @@ def diagnosed(
     # the sheet's model may lie beside it
     files = {file.name: digest(file.read_bytes()) for file in (data, *sorted(sheet.parent.glob("*.toml")))}
     key = Provenance(files).asked(sheet=sheet.name, options=options, finder=identity(entry)).key
-    if marked.is_file():
-        took: dict[str, Any] = json.loads(marked.read_text(encoding="utf-8"))
-        document = out / DOCUMENT
-        if took.get("key") == key:
-            return json.loads(document.read_text(encoding="utf-8")) | took if "error" not in took else took
+    said = kept(out)
+    if said is not None:
+        if said.get("key") == key:
+            return said
         marked.unlink()
     begun, busy = time.perf_counter(), time.process_time()
     error = _run(["diagnose", str(data), "--sheet", str(sheet), "--out", str(out), *options])
-    took = {"took": time.perf_counter() - begun, "busy": time.process_time() - busy, "finder": identity(entry)}
+    took: dict[str, Any] = {
+        "took": time.perf_counter() - begun,
+        "busy": time.process_time() - busy,
+        "finder": identity(entry),
+    }
     took["key"] = key
     took |= {"error": error} if error else {}
     if not error and not (out / DOCUMENT).is_file():
@@ -107,6 +110,15 @@ def diagnosed(
     for name in ("diagnosis.html",):
         (out / name).unlink(missing_ok=True)
     return diagnosed(data, sheet, out, options, entry=entry)
+
+
+def kept(out: Path) -> dict[str, Any] | None:
+    """What any version of the finder has said into a folder, as `diagnosed` returns it; None where none has."""
+    marked = out / "run.json"
+    if not marked.is_file():
+        return None
+    took: dict[str, Any] = json.loads(marked.read_text(encoding="utf-8"))
+    return took if "error" in took else json.loads((out / DOCUMENT).read_text(encoding="utf-8")) | took
 
 
 def _run(arguments: Sequence[str]) -> str:

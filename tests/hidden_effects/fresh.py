@@ -19,13 +19,13 @@ from typing import Annotated, Any
 from cyclopts import App, Parameter
 from helpers.marked_text import renewed
 
-from hidden_effects.finder import POSES, RAMPS, diagnosed, identity
+from hidden_effects.finder import POSES, RAMPS, diagnosed, identity, kept
 from hidden_effects.generate import UnreachableError, make
 from hidden_effects.joints.injector import drawn, strengths
 from hidden_effects.joints.injector import write as write_joint
 from hidden_effects.machine import NoTruthError
 from hidden_effects.outcome import Outcome, Truth, found_of, of_deflections, of_given, of_joint, of_own, of_poses
-from hidden_effects.outcome_score import figures, markdown
+from hidden_effects.outcome_score import figures, markdown, paired, paired_markdown
 from hidden_effects.plan import COUNTS, Plan, plans
 from hidden_effects.poses import deflections
 from hidden_effects.poses.plan import Planned
@@ -213,6 +213,9 @@ def fresh(
     generators: Annotated[
         tuple[Path, ...], Parameter(help="Folders of generators by other authors, or of ready sets.")
     ] = OTHERS,
+    against: Annotated[
+        Path | None, Parameter(help="Such a folder with the same sets, as another version has diagnosed them.")
+    ] = None,
     only_make: Annotated[bool, Parameter(negative="", help="Make the sets and diagnose none.")] = False,
     renew: Annotated[tuple[Path, ...], Parameter(help="Pages whose tables are renewed.")] = (),
 ) -> int:
@@ -232,11 +235,15 @@ def fresh(
     missing = [str(one) for one in generators if not of[one.name]]
     left_out = f"Generators by other authors that are not here: {', '.join(missing)}." if missing else ""
     outcomes, spent = [], 0.0
+    both: list[tuple[Outcome, Outcome]] = []
     for one in in_turn(*of.values()):
         if spent > 60.0 * minutes:
             break
         outcomes.append(outcome_of(one))
         spent += outcomes[-1].found.seconds
+        before = None if against is None else kept(against / one.out.relative_to(out))
+        if before is not None:
+            both.append((Outcome(one.truth, found_of(before)), outcomes[-1]))
     made = {name: len(own) for name, own in of.items()}
     result = document(outcomes, seed, made, left_out)
     write_whole(out / "fresh.json", json.dumps(result, indent=1))
@@ -248,6 +255,9 @@ def fresh(
     folders = [("generators", one.name) for one in generators if generators != OTHERS]
     options = " ".join(f"--{name} {value}" for name, value in (*given.items(), *folders) if value is not None)
     text = words(result, f"python -m hidden_effects.fresh {options}")
+    if both:
+        text += f"\nOf these, {len(both)} sets by another version too:\n\n"
+        text += paired_markdown(paired(*zip(*both, strict=True)))
     write_whole(out / "fresh.md", text)
     for page in renew:
         write_whole(page, renewed(page.read_text(encoding="utf-8"), BEGIN, END, text))

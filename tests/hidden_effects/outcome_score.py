@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 from scipy.special import gammaincinv
+from scipy.stats import binomtest
 
 from hidden_effects.outcome import Found, Outcome, Truth, covered
 from hidden_effects.plan import STRONG
@@ -94,6 +95,52 @@ def outside_right(outcome: Outcome) -> bool:
     return found.verdict == "unknown" or (
         bool(found.named) and all(one in outcome.truth.alike for one in found.named)
     )
+
+
+def right(outcome: Outcome) -> bool:
+    """Whether a set is answered rightly: its cause, both of a pair, nothing, or that its cause is unknown."""
+    match outcome.truth.group:
+        case "quiet":
+            return outcome.found.verdict == "none"
+        case "outside":
+            return outside_right(outcome)
+        case "pair":
+            return both_right(outcome)
+        case _:
+            return main_right(outcome)
+
+
+def paired(before: Sequence[Outcome], after: Sequence[Outcome]) -> dict[str, dict[str, Any]]:
+    """Two versions on the same sets, by group and of all: McNemar's exact test (Psychometrika 12, 1947).
+
+    Weak sets are left out, see `of_group`. Of the sets on which the versions differ each is as often right, were
+    they equally good: ``p_value`` of both sides.
+    """
+    flags: dict[str, list[tuple[bool, bool]]] = {}
+    for one, other in zip(before, after, strict=True):
+        if of_group([other], other.truth.group, strong=other.truth.group in ("single", "pair")):
+            flags.setdefault(other.truth.group, []).append((right(one), right(other)))
+    flags["all"] = [pair for own in flags.values() for pair in own]
+    result = {}
+    for group, own in flags.items():
+        better, worse = own.count((False, True)), own.count((True, False))
+        result[group] = {
+            "sets": len(own), "before": sum(one for one, _ in own), "after": sum(other for _, other in own),
+            "better": better, "worse": worse,
+            "p_value": float(binomtest(better, better + worse).pvalue) if better + worse else 1.0,
+        }  # fmt: skip
+    return result
+
+
+def paired_markdown(groups: dict[str, dict[str, Any]]) -> str:
+    """The table of `paired`."""
+    rows = [
+        f"| {group} | {own['sets']} | {own['before']} | {own['after']} | {own['better']} | {own['worse']} | "
+        f"{own['p_value']:.2g} |"
+        for group, own in groups.items()
+    ]
+    head = "| group | sets | right before | right now | right only now | right only before | McNemar's p |"
+    return "\n".join([head, "| --- |" + " ---: |" * 6, *rows]) + "\n"
 
 
 def chances(outcomes: Iterable[Outcome]) -> list[tuple[float, bool]]:

@@ -14,6 +14,8 @@ from hidden_effects.outcome_score import (
     main_right,
     markdown,
     outside_right,
+    paired,
+    paired_markdown,
     reliability,
     wrongly_said,
 )
@@ -59,6 +61,25 @@ class TestMain:
     def test_offsets_stand_for_errors_of_frames(self):
         said = found("named", row("joint_offset", 0.99, 0.9))
         assert main_right(Outcome(truth("single", "frame_error"), said))
+
+
+def test_two_versions_are_compared_on_the_same_sets():
+    """Eight of ten sets differ: seven are right only by the second, one only by the first; 2 (1 + 8) / 2⁸."""
+    one, quiet = truth("single", "creep"), truth("quiet")
+    hit, miss = found("named", row("creep", 1.0, 1.0)), found("named", row("gravity", 1.0, 1.0))
+    nothing = found("none")
+    truths = [one] * 8 + [quiet] * 2 + [truth("single", "creep", strength=4.0)]
+    before = [*[miss] * 7, hit, nothing, nothing, miss]
+    after = [*[hit] * 7, miss, nothing, nothing, hit]
+    by_group = paired(*([Outcome(t, f) for t, f in zip(truths, own, strict=True)] for own in (before, after)))
+    assert list(by_group) == ["single", "quiet", "all"]
+    every = by_group["all"]
+    # the weak one is left out
+    assert (every["sets"], every["before"], every["after"]) == (10, 3, 9)
+    assert (every["better"], every["worse"]) == (7, 1)
+    assert every["p_value"] == pytest.approx(18 / 2**8)
+    assert by_group["quiet"]["p_value"] == 1.0
+    assert "| all | 10 | 3 | 9 | 7 | 1 | 0.07 |" in paired_markdown(by_group)
 
 
 class TestSaid:

@@ -108,6 +108,7 @@ def test_no_pair_comes_nearer_than_the_space_of_its_nodes(known):
     assert known.at_least(0.7 * known.nodes[0], [known.curves[0].cause]) == pytest.approx(0.0, abs=1e-5)
 
 
+@pytest.mark.slow
 def test_the_likelihood_ratio_holds_its_rate_and_finds_what_is_strong(known):
     rng = np.random.default_rng(3)
     quiet = known.drops(rng.standard_normal((known.nodes.shape[1], 300))).max(axis=0)
