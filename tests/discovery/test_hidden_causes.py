@@ -18,6 +18,7 @@ EXTRAPOLATED = (*EXPLAINED, "plasticity", "load_misalignment")
 one and a half times worse."""
 
 
+@pytest.mark.slow
 def test_a_small_test_finds_what_is_hidden(hide_in_a_small_test):
     """Two postures of ten readings each; friction by bristles."""
     truth, found = hide_in_a_small_test(1000 + CAUSES.index("joint_friction"), Group.SINGLE, "joint_friction")

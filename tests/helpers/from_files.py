@@ -1,6 +1,10 @@
-"""Diagnoses and calibrations from files to files, as the commands make them."""
+"""Diagnoses and calibrations from files to files, as the commands make them.
+
+A page takes as long as some diagnoses: it is drawn where a test asks for it.
+"""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,16 +17,21 @@ from vjm_updating.poses.document import PoseCalibration, PoseDiagnosis
 from vjm_updating.poses.kinds import read_test
 from vjm_updating.poses.measurement import RobotMeasurement
 from vjm_updating.poses.study import Study
+from vjm_updating.result import Result
 
 DIAGNOSIS, DIAGNOSIS_PAGE, EXTENDED = "diagnosis.json", "diagnosis.html", "extended-model.toml"
 CALIBRATION, CALIBRATION_PAGE, CALIBRATED = "calibration.json", "calibration.html", "calibrated-model.toml"
 
 
+def _write(result: Result[Any], out: Path, *, page: bool) -> None:
+    (result if page else replace(result, draw=None)).write(out)
+
+
 def _diagnose(
-    data: Path, sheet: Path, out: Path, beside: Sequence[tuple[Path, Path]], **options: Any
+    data: Path, sheet: Path, out: Path, beside: Sequence[tuple[Path, Path]], *, page: bool = False, **options: Any
 ) -> Diagnosis | PoseDiagnosis:
     result = diagnosed(load_data(data, sheet), beside=[load_data(*files) for files in beside], **options)
-    result.write(out)
+    _write(result, out, page=page)
     return result.figures
 
 
@@ -44,10 +53,12 @@ def diagnose_poses(
     return found
 
 
-def calibrate(data: Path, sheet: Path, out: Path, fit: Sequence[str] = (), **options: Any) -> Calibration:
+def calibrate(
+    data: Path, sheet: Path, out: Path, fit: Sequence[str] = (), *, page: bool = False, **options: Any
+) -> Calibration:
     """By a test of ramps, by loads or of a joint."""
     result = calibrated(load_data(data, sheet), fit=fit, **options)
-    result.write(out)
+    _write(result, out, page=page)
     assert isinstance(result.figures, Calibration)
     return result.figures
 
@@ -60,13 +71,14 @@ def calibrate_poses(
     families: Sequence[str] = (),
     candidates: Path | None = None,
     beside: Sequence[tuple[Path, Path]] = (),
+    page: bool = False,
     **options: Any,
 ) -> PoseCalibration:
     """By a test of poses or deflections."""
     further = [] if candidates is None else [str(candidates)]
     others = [load_data(*files) for files in beside]
     result = calibrated(load_data(data, sheet), fit=families, next_tests=further, beside=others, **options)
-    result.write(out)
+    _write(result, out, page=page)
     assert isinstance(result.figures, PoseCalibration)
     return result.figures
 

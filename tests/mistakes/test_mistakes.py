@@ -89,6 +89,7 @@ def test_a_sound_test_is_not_doubted(kind, tmp_path):
     assert said(*SETS[kind](tmp_path, SEED)) == ()
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("number", [5007, 5016])
 def test_readings_of_a_cracked_joint_are_no_mistakes(number, tmp_path):
     kind, (data, sheet) = write_deflections(number, tmp_path)

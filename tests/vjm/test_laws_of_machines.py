@@ -205,7 +205,7 @@ LAWS_EVERYWHERE = model_text(
 )
 
 
-@pytest.mark.parametrize("engine", ["vjm", "exudyn"])
+@pytest.mark.parametrize("engine", ["vjm", pytest.param("exudyn", marks=pytest.mark.slow)])
 def test_mounts_actuators_and_an_axis_beside_a_compliance_have_laws(tmp_path: Path, engine: str):
     if engine == "exudyn":
         pytest.importorskip("exudyn", reason="Exudyn, which is compared, is not installed")

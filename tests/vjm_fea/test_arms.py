@@ -203,6 +203,7 @@ CASES = {
 }  # fmt: skip
 
 
+@pytest.mark.quick_cases(4)
 @pytest.mark.parametrize("engine", ["exudyn", "opensees"])
 @pytest.mark.parametrize("name", CASES)
 def test_the_path_is_the_virtual_joint_methods(name, engine):

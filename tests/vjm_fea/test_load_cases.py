@@ -272,7 +272,7 @@ def apart(found, expected) -> float:
     return float(np.abs((found - expected) / size[:, None] / size).max())
 
 
-@pytest.mark.quick_cases(3)
+@pytest.mark.quick_cases(2)
 @pytest.mark.parametrize("wrench", WRENCHES)
 @pytest.mark.parametrize(("model", "posture", "engine"), [
     ("ur10", "work", "exudyn"), ("planar-2r", "bent", "exudyn"), ("planar-2r", "bent", "opensees"),

@@ -149,6 +149,7 @@ def test_what_joints_leave_free_has_no_stiffness(orthoglide):
     assert path.force == pytest.approx(0.0, abs=1e-6)
 
 
+@pytest.mark.slow
 def test_the_two_branches_mirror_each_other(trace):
     up, down = (trace("A", -4.0, 8, *branch) for branch in ((), (-1,)))
     # the error measured is rounding alone

@@ -214,8 +214,8 @@ SEEDS = {"ramps": 2, "poses": 4}
 
 def cases() -> Iterator[object]:
     for kind, changes in INVARIANCES.items():
-        marks = [] if kind in ("loads", "frequencies") else [pytest.mark.slow]
         for change in changes:
+            marks = [] if kind == "frequencies" else [pytest.mark.slow]
             yield pytest.param(kind, change, id=f"{kind}-{change.__name__}", marks=marks)
 
 

@@ -94,6 +94,7 @@ def names_the_soft_foot(found: dict) -> None:
     assert found["findings"]["nothing"] < 1e-6
 
 
+@pytest.mark.slow
 def test_noise_of_an_idle_gauge_is_no_mistake_of_a_stiff_platform(tmp_path: Path):
     """Nobody drives z. Its gauge's 1 µm times 102 kN/mm are fifty times the force's noise, and of either sign."""
     sheet, out = tmp_path / "sheet.toml", tmp_path / "out"

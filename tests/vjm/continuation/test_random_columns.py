@@ -186,6 +186,6 @@ def test_a_sample_of_columns():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("first", range(12, 200, 47))
+@pytest.mark.parametrize("first", [12, 36])
 def test_columns(first):
-    check_all(range(first, first + 47))
+    check_all(range(first, first + 24))

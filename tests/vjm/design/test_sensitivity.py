@@ -204,6 +204,7 @@ def test_a_cantilever_in_closed_form(cantilever):
     assert compliance.factor == pytest.approx(0.5, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_the_critical_load_of_a_cantilever_in_closed_form(cantilever):
     """Euler's π² E I / 4 L² in both planes: by the length −2, by the compliance −1, by one of two stiffnesses ½."""
     chain = cantilever()

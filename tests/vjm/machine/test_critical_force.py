@@ -96,7 +96,7 @@ class TwoLinks:
         return low - values[0] / slope
 
 
-@pytest.mark.quick_cases(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("elbow", [0.5, 1.0, 2.0])
 def test_a_bent_arm_loses_its_stability_under_the_force_that_a_search_over_all_angles_finds(elbow: float):
     force, direction = weakest(links(2), [0.0, elbow])

@@ -91,7 +91,7 @@ def close_to_the_energy(seed: int) -> str:
     return "stable" if found.stable[0] else "unstable"
 
 
-@pytest.mark.quick_cases(4)
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("block", range(40))
 def test_random_machines_with_laws_against_their_energy(block: int):
     for k in range(5):

@@ -374,6 +374,7 @@ def test_many_poses_at_once_have_the_smallest_critical_forces_of_single_ones():
         assert weak.negative[0] == 0 < weak.negative[1]
 
 
+@pytest.mark.slow
 def test_a_pose_far_out_has_the_smallest_critical_force_of_a_scan_over_directions():
     """The machine turns so far there that motions which took no force at first take much."""
     poses = np.array([[-70.0, 120.0, 120.0, 0.0, 0.0, 0.0]])

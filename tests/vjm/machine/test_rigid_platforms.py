@@ -281,7 +281,7 @@ def test_a_rigid_rotation_is_infinitely_stiff():
     assert np.all(np.isinf(rows.values[:, 2:]))
 
 
-@pytest.mark.parametrize("engine", ["vjm", "vjm-paper", "exudyn"])
+@pytest.mark.parametrize("engine", ["vjm", "vjm-paper", pytest.param("exudyn", marks=pytest.mark.slow)])
 def test_a_force_on_rigid_legs_moves_what_is_elastic(engine: str):
     found = vjm.stiffness(cartesian(elastic=False), "h", wrench=(10.0, 0.0, 0.0, 0.0, 0.0, 0.0), engine=engine)
     assert found.displacement == pytest.approx([10.0 * DRIVE, 0.0, 0.0, 0.0, 0.0, 0.0], abs=1e-11)

@@ -50,6 +50,7 @@ def test_prism_in_tension_and_pure_bending_is_exact(tmp_path):
         assert C[i, j] == pytest.approx(value, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_prism_in_torsion_is_saint_venants(tmp_path):
     """What the ends do is the same for two lengths: the difference is the exact twist of what lies between."""
     h, b = 20.0, 10.0

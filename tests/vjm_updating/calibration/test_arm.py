@@ -78,6 +78,7 @@ def test_the_arm_and_what_it_will_do_are_found(tmp_path: Path):
     assert force.gradient[1] == pytest.approx(slope, rel=1e-4)
 
 
+@pytest.mark.slow
 def test_the_whole_calibration_of_an_arm_is_written(tmp_path: Path):
     measured(tmp_path)
     document = calibrate(tmp_path / "data.csv", tmp_path / "sheet.toml", tmp_path / "out")

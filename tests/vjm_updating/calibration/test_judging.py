@@ -46,6 +46,7 @@ def test_an_inseparable_pair_is_no_two_numbers(pair):
     assert seen.std < 0.01
 
 
+@pytest.mark.slow
 def test_an_inseparable_pair_is_reported_as_such(pair):
     document, _ = results(pair, solved(pair, PAIR))
     assert document.parameters == []
@@ -172,6 +173,7 @@ def test_the_rounding_reaches_a_split_link_by_its_quotients(make: Make):
     assert force.std(covariance) / force.value == pytest.approx(0.5 / 72.0 / np.sqrt(3.0), rel=0.01)
 
 
+@pytest.mark.slow
 def test_a_calibration_shrinks_what_tolerances_leave_open(make: Make):
     measurement = make(steps=40)
     before, of_sheet, _ = carried.within_tolerances(measurement)

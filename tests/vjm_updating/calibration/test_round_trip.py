@@ -21,6 +21,8 @@ from vjm_validation.schemas import schemas
 
 from . import synthetic
 
+pytestmark = pytest.mark.slow
+
 RAMPS = {"A": (4.0, -4.0), "B": (4.0, -12.0), "C": (4.0, -3.0)}
 UNSEEN = {4.0: "tension", -14.0: "compression"}
 """Ends of posture D's paths, mm."""
@@ -36,7 +38,7 @@ def rows() -> list[synthetic.Row]:
 
 def calibrated(folder: Path, rows: list[synthetic.Row], foot: int) -> dict:
     files = synthetic.write(folder, rows, synthetic.sheet_text(foot=foot))
-    calibrate(files.data, files.sheet, folder / "out", ("link.section", "foot.factor"), force=foot == 1)
+    calibrate(files.data, files.sheet, folder / "out", ("link.section", "foot.factor"), force=foot == 1, page=True)
     return json.loads((folder / "out" / DOCUMENT).read_text())
 
 
@@ -103,7 +105,6 @@ def test_what_no_posture_sees_has_no_number(refined):
     assert row["value"] is row["std"] is row["interval95"] is None
 
 
-@pytest.mark.slow
 def test_one_spring_for_the_foot_beside_it(refined, lumped_foot):
     """The paper's lumped foot, fitted to the same data, says that it does not fit, and predicts worse."""
     out, document = lumped_foot

@@ -303,6 +303,7 @@ def test_the_command_takes_another_specimen(tmp_path):
     assert [row["what"] for row in found["transfer"]][:2] == ["nothing: the sheet's own model", "link_bow"]
 
 
+@pytest.mark.slow
 def test_a_class_of_columns_gets_the_measurement_that_shows_most(tmp_path):
     files = made_column(tmp_path / "one", 1.5, zero=30.0)
     found = diagnose(*files, tmp_path / "out")

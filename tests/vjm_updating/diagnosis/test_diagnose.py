@@ -20,7 +20,7 @@ SCHEMA = Path(__file__).parents[3] / "docs/schemas/diagnosis.schema.json"
 
 def run(make, folder, hidden, seed, monkeypatch):
     files = make.made_up(folder / "test", hidden, seed, monkeypatch)
-    document = diagnose(files.data, files.sheet, folder / "out")
+    document = diagnose(files.data, files.sheet, folder / "out", page=True)
     found = json.loads((folder / "out" / DOCUMENT).read_text())
     jsonschema.validate(found, json.loads(SCHEMA.read_text()))
     return document, found
@@ -126,7 +126,7 @@ def test_texts_of_a_sheet_are_escaped_in_the_page(make, tmp_path, monkeypatch):
     files = make.made_up(tmp_path / "test", {}, 8, monkeypatch, per=4)
     hostile = "<img src=x onerror=alert(1)>"
     files.sheet.write_text(files.sheet.read_text().replace('title = "made up"', f'title = "{hostile} $x"'))
-    diagnose(files.data, files.sheet, tmp_path / "out")
+    diagnose(files.data, files.sheet, tmp_path / "out", page=True)
     page = (tmp_path / "out" / PAGE).read_text()
     assert hostile not in page
     assert "&lt;img src=x onerror=alert(1)&gt;" in page

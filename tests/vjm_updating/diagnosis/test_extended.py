@@ -141,6 +141,7 @@ def test_its_critical_force_is_predicted_anew(fitted, tmp_path, case):
         assert critical["F_cr"] == pytest.approx(euler, rel=1e-3)
 
 
+@pytest.mark.slow
 def test_calibrate_takes_it(make, fitted, tmp_path):
     measurement, fitter, fit = fitted((LinkBow(),), [(0.3, -0.9)])
     (tmp_path / FILE).write_text(extended_text(measurement, fitter, fit, "named", {}))

@@ -319,7 +319,7 @@ def test_a_mistake_is_named_and_undone(name, quiet, tmp_path):
 @pytest.mark.slow
 def test_a_diagnosis_names_the_mistake_and_nothing_else(quiet, tmp_path):
     data = spoilt(quiet, tmp_path, kgf_in_b)
-    diagnose(data, quiet.sheet, tmp_path / "out")
+    diagnose(data, quiet.sheet, tmp_path / "out", page=True)
     found = json.loads((tmp_path / "out" / DOCUMENT).read_text())
     assert (found["verdict"], found["causes"]) == ("named", [UNIT])
     assert found["parameters"][f"{UNIT}.fx_N"]["value"] == pytest.approx(9.80665, rel=1e-12)

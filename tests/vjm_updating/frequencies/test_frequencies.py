@@ -83,7 +83,8 @@ def test_intervals_are_as_wide_as_the_readings_scatter(tmp_path):
         assert 5.0 * 0.4 < wide[name].std / exact[name].std < 5.0 * 1.6
 
 
-@pytest.mark.parametrize("gone", [pytest.param((1, 1, 1, 1), marks=pytest.mark.slow), (1, 0, 2, 1)])
+@pytest.mark.slow
+@pytest.mark.parametrize("gone", [(1, 1, 1, 1), (1, 0, 2, 1)])
 def test_a_mode_that_was_not_seen(tmp_path, gone):
     """Paired by order the frequencies fit no machine; with a mode missing each finds its own."""
     noise = NOISE * np.random.default_rng(4).standard_normal((4, 4))
@@ -293,6 +294,7 @@ def test_a_machine_that_is_softer_than_its_model_is_in_hz(tmp_path):
     assert load_data(*write(tmp_path, truth(np.full(4, 2.0)))).considered() == []
 
 
+@pytest.mark.slow
 def test_a_misfit_of_frequencies_recommends_no_diagnosis(tmp_path):
     table = truth()
     table[0, 0] *= 1.2

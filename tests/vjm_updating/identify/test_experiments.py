@@ -88,6 +88,7 @@ def test_the_stated_uncertainty_covers_the_truth(seed):
     assert scaled(found.uncertainty, expected) < 1e-5
 
 
+@pytest.mark.slow
 def test_the_plain_element_is_of_second_order_and_extrapolated():
     section = Section(5e6, 3e7, 2e8, 4e7, 2e6, 2e6)
     specimen = part_specimen(alone(Beam("b", 300.0, section=section)), "b")
@@ -264,6 +265,7 @@ def inked(image):
     return float(np.mean(image < 0.97))
 
 
+@pytest.mark.slow
 def test_each_of_six_loads_has_its_own_shape(found):
     six = panels(pixels(load_pictures(found, TipLoad.SPREAD)))
     assert len(six) == 6
@@ -278,6 +280,7 @@ def test_each_of_six_loads_has_its_own_shape(found):
             assert apart > 0.005, f"loads {j + 1} and {i + 1} look alike"
 
 
+@pytest.mark.slow
 def test_opposite_wrenches_bend_to_opposite_sides(found):
     up, down = (
         pixels(wrench_picture(found, TipLoad.SPREAD, np.array([0.0, 0.0, f, 0.0, 0.0, 0.0]))) for f in (1.0, -1.0)

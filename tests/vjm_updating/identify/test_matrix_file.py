@@ -258,6 +258,7 @@ def test_no_straight_beam_meets_19(foot):
     assert straight.worst_misfit >= straight.smallest_worst_misfit
 
 
+@pytest.mark.slow
 def test_a_beam_with_a_rigid_offset_meets_19(foot):
     offset = foot.beams[-1]
     angle = np.arctan2(offset.direction[1], offset.direction[0])

@@ -104,6 +104,7 @@ def test_three_formats_of_one_bench_get_one_answer(tmp_path, kind, seed):
         assert sorted(first.candidates[0].causes) == sorted(FOUND[kind])
 
 
+@pytest.mark.slow
 def test_three_formats_are_calibrated_alike(tmp_path):
     rows = {
         name: calibrate(load_data(*files)).figures.parameters

@@ -174,6 +174,7 @@ def test_an_element_moves_every_gauge_as_the_part_itself(tmp_path, cause, held):
 # --- calibration --------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_two_gauges_tell_the_tube_from_its_clamp(tmp_path):
     document = calibrated(tmp_path, Tube(clamp=5e-9, factor=1.05), MID, 4)
     assert document.fit.fits

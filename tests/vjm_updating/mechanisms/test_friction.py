@@ -200,7 +200,7 @@ def test_two_terms_in_a_chain_relax_to_the_end_and_begin_as_they_must():
     np.testing.assert_allclose(sorted(Relaxation("link", (0.2, 0.1), (5.0, 60.0)).within(1.0)[1]), [5.0, 60.0])
 
 
-@pytest.mark.parametrize("fraction", [0.03, 0.3])
+@pytest.mark.parametrize("fraction", [pytest.param(0.03, marks=pytest.mark.slow), 0.3])
 def test_a_relaxing_drive_is_the_drive_with_an_element(machine, fraction):
     c = 1e-4
     built_in = ModifiedMachine(machine.nominal.with_actuator_compliance(c), machine.engine)

@@ -69,7 +69,7 @@ def test_derivatives_are_those_of_differences(plain, tmp_path):
 def diagnosed(plain, tmp_path_factory):
     q, force, d = plain
     folder = tmp_path_factory.mktemp("compliant")
-    return diagnose_poses(*files(folder, columns_of(q, force, noisy(d))), folder / "out"), folder / "out"
+    return diagnose_poses(*files(folder, columns_of(q, force, noisy(d))), folder / "out", page=True), folder / "out"
 
 
 def test_joint_compliance_is_named_and_its_size_found(diagnosed):

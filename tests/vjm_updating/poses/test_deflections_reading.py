@@ -242,6 +242,7 @@ def test_a_mimic_stands_beside_its_master_and_keeps_its_limits(tmp_path):
         read_test(data, sheet)
 
 
+@pytest.mark.slow
 def test_the_file_is_fitted_without_what_it_leaves_out(tmp_path):
     # a first joint and a base that turn about one upright axis are one
     hidden = compliant()

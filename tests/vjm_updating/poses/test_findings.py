@@ -247,6 +247,7 @@ def test_a_spring_between_points_of_the_model_is_known(compensated, tmp_path):
     assert (spring.stiffness, spring.preload) == (20.0, 400.0)
 
 
+@pytest.mark.slow
 def test_a_spring_that_the_model_lacks_is_not_taken_for_the_gears(compensated, tmp_path):
     found = diagnose_poses(*files(tmp_path, *compensated), tmp_path / "out")
     assert found.verdict != "named"
@@ -268,6 +269,7 @@ def test_a_spring_between_points_shares_the_probability_of_the_gears_that_it_sta
     assert rows[spring] == rows["gear_error"]
 
 
+@pytest.mark.slow
 def test_a_mistaken_sign_does_not_stand_alone_where_more_is_wrong(tmp_path):
     hidden = compliant(5.0 * OWN)
     q = drawn(8, 60)
@@ -331,6 +333,7 @@ def test_a_factor_between_two_quantities_with_errors():
     assert (slope, low, high) == pytest.approx((2.0, 2.0, 2.0))
 
 
+@pytest.mark.slow
 def test_several_changes_of_a_file_are_named(tmp_path):
     """The zero of a joint, the tracker, and back: each with its row and size, in a calibration and its document."""
     q = drawn(601, 120)

@@ -56,7 +56,7 @@ def test_the_minimiser_agrees_with_the_tree(postures, compliant):
 @pytest.fixture(scope="module")
 def diagnosed(postures, compliant, tmp_path_factory):
     folder = tmp_path_factory.mktemp("compliant")
-    return diagnose_poses(*files(folder, UR10, postures, compliant[1]), folder / "out"), folder / "out"
+    return diagnose_poses(*files(folder, UR10, postures, compliant[1]), folder / "out", page=True), folder / "out"
 
 
 def test_joint_compliance_is_named_and_its_size_found(diagnosed, compliant):

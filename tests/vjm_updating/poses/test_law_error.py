@@ -49,7 +49,7 @@ def test_the_evidence_is_that_of_the_marginal_likelihood():
     assert got > 2.0
 
 
-@pytest.mark.quick_cases(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_a_third_wave_of_gears_is_no_error_of_encoders(seed, tmp_path):
     """The family has a turn's first two waves; a third of a fifth of their size is what laws are wrong by."""

@@ -47,6 +47,7 @@ def test_the_shipped_ur10(ur10):
     assert found.before.region_mm > 1.2
 
 
+@pytest.mark.slow
 def test_the_ur10s_compliance_and_what_its_weight_does_not_show(ur10):
     found, out = ur10
     rows = {row.name: row for family in found.families for row in family.members}

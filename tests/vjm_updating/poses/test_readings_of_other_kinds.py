@@ -183,6 +183,7 @@ def bending(own, q, rounds=4, step=1e-5):
     return theta[:, 5::3]
 
 
+@pytest.mark.slow
 def test_measured_torques_of_the_other_sign_are_doubted(postures, compliant, tmp_path):
     rng = np.random.default_rng(SEED)
     hidden, T = compliant

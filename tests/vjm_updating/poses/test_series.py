@@ -40,6 +40,7 @@ def two(tmp_path_factory):
     return [made(folder / "a", 31), made(folder / "b", 32, 40)]
 
 
+@pytest.mark.slow
 def test_series_have_frames_of_their_own_and_share_the_machine(two):
     found = calibrate([load_data(*one) for one in two], fit=SPRINGS).figures
     assert [(row.file, row.postures) for row in found.series] == [
@@ -160,6 +161,7 @@ def test_a_change_that_is_fitted_leaves_the_verdict(tmp_path):
     assert [change.fitted for change in found.changes] == [True]
 
 
+@pytest.mark.slow
 def test_errors_are_predicted_where_they_are_asked_for(two, tmp_path):
     near = tmp_path / "near.csv"
     header = ",".join(f"joint-{i}.q_rad" for i in range(1, 7))
@@ -172,6 +174,7 @@ def test_errors_are_predicted_where_they_are_asked_for(two, tmp_path):
     assert asked.with_mm < asked.most_mm
 
 
+@pytest.mark.slow
 def test_a_place_has_one_likely_configuration(two):
     end = rest(UR10, Hidden.nothing(6), np.array([[0.1, 0.4, -0.3, 0.2, 0.1, 0.0]]))[0, :3, 3]
     place = ",".join(f"{axis}={v:.0f}" for axis, v in zip("xyz", end, strict=True))

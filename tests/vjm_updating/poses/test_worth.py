@@ -59,6 +59,7 @@ def test_whole_levels_are_held_out():
     assert not folds_of(q[:, 2:], {"third": q[:, 2]}).levels
 
 
+@pytest.mark.slow
 def test_a_grid_says_its_levels_and_not_at_random(tmp_path):
     """A joint's gear errs by a third wave, and two are fitted: they meet it at five angles, and nowhere else."""
     rng = np.random.default_rng(7)
@@ -74,7 +75,7 @@ def test_a_grid_says_its_levels_and_not_at_random(tmp_path):
 
     other = files(tmp_path / "between", between, errs(between))
     found = calibrate_poses(
-        *files(tmp_path, q, errs(q)), tmp_path / "out", families=("gear_error",), beside=[other]
+        *files(tmp_path, q, errs(q)), tmp_path / "out", families=("gear_error",), beside=[other], page=True
     )
     assert found.grid == ["joint-2"]
     # at random it seems better than it was, and is worse between the levels
@@ -117,6 +118,7 @@ def test_a_file_that_is_better_is_written(spring_files, tmp_path):
     assert load_chain(tmp_path / "calibrated-model.toml")
 
 
+@pytest.mark.slow
 def test_a_file_of_a_robot_that_is_right_is_refused(tmp_path):
     """Frame errors of noise: the file can only be worse. --force writes it, and it says so."""
     q = drawn(22, 40)
@@ -143,6 +145,7 @@ def test_a_file_of_a_robot_that_is_right_is_refused(tmp_path):
     assert ET.parse(tmp_path / "out/calibrated.xml").getroot().tag == "mujoco"
 
 
+@pytest.mark.slow
 def test_a_file_that_is_worse_on_another_series_is_refused(spring_files, tmp_path):
     """The other series is of a machine without the compliances that were found."""
     q = drawn(23, 80)
@@ -161,6 +164,7 @@ def test_a_file_that_is_worse_on_another_series_is_refused(spring_files, tmp_pat
     assert (tmp_path / "out/calibrated-model.toml").exists()
 
 
+@pytest.mark.slow
 def test_where_a_file_holds_stands_in_it(tmp_path):
     """Of a cube in joint space: the joints' turns reach further than held-out ends tell of."""
     q = drawn(25, 80, 0.8)
@@ -241,10 +245,8 @@ TOO_SURE = pytest.mark.xfail(
 )
 
 
-@pytest.mark.parametrize(
-    "seed",
-    [201, pytest.param(202, marks=[pytest.mark.slow, TOO_SURE]), pytest.param(203, marks=pytest.mark.slow)],
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [201, pytest.param(202, marks=TOO_SURE), 203])
 def test_a_file_from_a_small_region_does_not_go_far_outside_of_it(seed, tmp_path, monkeypatch):
     """Gears err by a third wave, which no family has: in a small region the frames' errors take it up."""
     rng = np.random.default_rng(seed)
@@ -260,7 +262,7 @@ def test_a_file_from_a_small_region_does_not_go_far_outside_of_it(seed, tmp_path
         without.setattr("vjm_updating.poses.written.supported", lambda study, state, model: (state, None))
         alone = calibrate_poses(*here, tmp_path / "alone", families=families, force=True)
     assert alone.written.whole_range is None
-    found = calibrate_poses(*here, tmp_path / "out", families=families, force=True)
+    found = calibrate_poses(*here, tmp_path / "out", families=families, force=True, page=True)
     ranged = found.written.whole_range
     assert ranged.changed_mm < 0.7 * ranged.asked_mm
     assert set(ranged.unsupported) <= {m.name for family in found.families for m in family.members}
@@ -304,12 +306,13 @@ def test_a_number_that_ends_at_its_bound_is_named_and_not_written(tmp_path):
     assert any("joint-5 ended at the bound of what is built" in line for line in lines(found))
 
 
+@pytest.mark.slow
 def test_what_was_weighed_down_is_said_with_its_rows(tmp_path):
     q = drawn(26, 100)
     y = measured(compliant(), q)
     y[40:43] += [3.0, -2.0, 1.0]
     y[70] += [0.0, 0.0, 2.5]
-    found = calibrate_poses(*files(tmp_path, q, y), tmp_path / "out", families=SPRINGS)
+    found = calibrate_poses(*files(tmp_path, q, y), tmp_path / "out", families=SPRINGS, page=True)
     runs = [(row.first_row, row.last_row, row.readings) for row in found.weighed_down]
     assert runs == [(42, 44, 3), (72, 72, 1)]  # lines of the file
     assert found.weighed_down[0].off_mm == pytest.approx([14.0**0.5] * 2, rel=0.2)
@@ -321,13 +324,15 @@ def test_what_was_weighed_down_is_said_with_its_rows(tmp_path):
     )
 
 
+@pytest.mark.slow
 def test_unknown_is_not_followed_by_names(tmp_path):
     """Gears of a third wave, which follows an angle and which no family has."""
     q = drawn(27, 150)
     turned = q.copy()
     turned[:, 1] += 2e-3 * np.cos(3.0 * q[:, 1])
     hidden = compliant(6.0 * OWN)
-    found = diagnose_poses(*files(tmp_path, q, measured(hidden, turned)), tmp_path / "out", only=SPRINGS)
+    test = files(tmp_path, q, measured(hidden, turned))
+    found = diagnose_poses(*test, tmp_path / "out", only=SPRINGS, page=True)
     assert (found.verdict, found.causes) == ("unknown", ["actuator_compliance"])
     assert lines(found)[0] == "verdict: unknown"
     assert not any(line.startswith("actuator_compliance") for line in lines(found))

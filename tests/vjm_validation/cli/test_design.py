@@ -308,6 +308,7 @@ def test_an_interrupted_optimum_prints_the_best_so_far_and_goes_on(tmp_path):
     assert json.loads(state.read_text())["content"] == known
 
 
+@pytest.mark.slow
 def test_a_front_is_printed_drawn_and_confirmed(tmp_path):
     words = (
         "optimise", "planar-2r", "--wrench", "0,-10,0,0,0,0", "--segments", "1", "--minimise", "mass", "--against",
@@ -325,6 +326,7 @@ def test_a_front_is_printed_drawn_and_confirmed(tmp_path):
     assert plot.read_text().startswith("<?xml")
 
 
+@pytest.mark.slow
 def test_a_tool_is_held_and_a_cost_is_least(tmp_path):
     best = tmp_path / "best.toml"
     words = (

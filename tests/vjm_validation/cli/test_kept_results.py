@@ -122,7 +122,7 @@ def contents(folder):
     return {file: file.read_bytes() for file in sorted(folder.rglob("*")) if file.suffix in (".csv", ".json")}
 
 
-@pytest.mark.quick_cases(10)
+@pytest.mark.quick_cases(5)
 @pytest.mark.parametrize(("command", "change", "said"), CHANGES)
 def test_each_input_that_changes_is_named_and_the_old_is_not_shown(machine, monkeypatch, command, change, said):
     words, out = words_of(command, machine), machine.parent / "out"

@@ -240,6 +240,7 @@ def test_it_is_whole_without_a_script(open_page, folder):
     assert page.locator("header figure img").first.is_visible() or why_not_rendered()
 
 
+@pytest.mark.slow
 def test_what_comes_from_a_file_does_not_run(open_page, run, bare, tmp_path):
     attack = "<img src=x onerror=document.title='taken'><script>document.title='taken'</script>"
     run.chain = replace(run.chain, title=attack, name=attack, source=attack)

@@ -244,6 +244,7 @@ def loops():
     return study(Request("palletiser", (), ("z",)))
 
 
+@pytest.mark.slow
 def test_a_machine_with_closed_loops_has_the_report_of_an_arm(loops):
     lumped, reference = loops.loads
     assert (lumped.engine, reference.engine) == ("vjm-4", "exudyn")

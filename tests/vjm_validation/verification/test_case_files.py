@@ -137,19 +137,24 @@ def test_a_wrong_argument_is_an_error():
         solved([Reference(source="?", exact="linear.cantilever", arguments={"length": 1.0})])
 
 
-# Every case with a known answer on one mesh of every engine; `validate all` runs all meshes, with orders.
+# Cases with a known answer on one mesh of an engine; `validate all` runs all, on all meshes, with orders.
 
 
-ITEMS = [(case, family) for case in library() for family in case.file.engines if family in ("vjm", "exudyn")]
 COARSE = 0.02
 """Relative error of a coarsest mesh at most; four elements of a column with springs at its ends have 0.016."""
 
 
-@pytest.mark.quick_cases(12)
 @pytest.mark.parametrize(
-    ("case", "family"), [pytest.param(*item, id=f"{item[0].name}-{item[1]}") for item in ITEMS]
-)
-def test_an_engine_has_an_answer_on_the_coarsest_mesh(case, family):
+    ("name", "family"),
+    [
+        ("linear-cantilever", "vjm"), ("lumped-bar", "vjm"), ("column-pinned-shear", "vjm"), ("arch-215", "vjm"),
+        ("postbuckling-pinned-far", "vjm"), ("sprung-arm", "exudyn"), ("cantilever-follower", "exudyn"),
+        ("cantilever-tip-moment", "exudyn"), ("column-clamped-pinned-shear", "exudyn"),
+        ("twisted-cantilever", "exudyn"),
+    ],
+)  # fmt: skip
+def test_an_engine_has_an_answer_on_the_coarsest_mesh(name, family):
+    case = case_by_name(name)
     meshes = case.file.engines[family].meshes[:1]
     answers = answered(case, family, meshes)
     assert answers.refused == ""
