@@ -156,6 +156,7 @@ def test_ten_places_of_a_carriage(machine, engine):
         assert other[:3] == pytest.approx(found[:3], abs=2e-5 * size + 1e-12), place
 
 
+@pytest.mark.quick_cases(2)
 @pytest.mark.parametrize("engine", ENGINES)
 @pytest.mark.parametrize("posture", ["a", "b", "c"])
 def test_a_bridge_on_two_elastic_rails(engine, posture):

@@ -145,6 +145,7 @@ def test_free_turns_under_a_dead_load_buckle_as_the_lumped_model(orthoglide, eng
     assert ours.critical.force == pytest.approx(lumped.critical.force, rel=3e-5)
 
 
+@pytest.mark.quick_cases(1)
 @either
 def test_a_chain_s_own_slide_is_one_of_the_hand_s(engine):
     """A bar on a slide that leans over, pushed: the slide at its root against the lumped model's."""

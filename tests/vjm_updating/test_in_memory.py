@@ -94,6 +94,7 @@ def calibrated() -> CalibrationResult[Calibration]:
     return CalibrationResult(result.figures, result.models, result.draw)
 
 
+@pytest.mark.slow
 def test_a_calibration_shows_draws_and_writes_itself(calibrated: CalibrationResult[Calibration], tmp_path: Path):
     """The springs are 1.10 and 1.20 times as soft, see the example."""
     values = {row["name"]: (row["low"], row["high"]) for row in calibrated.rows()}
@@ -109,6 +110,7 @@ def test_a_calibration_shows_draws_and_writes_itself(calibrated: CalibrationResu
     assert {file.name for file in tmp_path.iterdir()} == names
 
 
+@pytest.mark.slow
 def test_what_is_not_for_use_is_not_written_and_an_older_one_goes(
     calibrated: CalibrationResult[Calibration], tmp_path: Path
 ):
@@ -196,6 +198,7 @@ def deflections(folder):
     return folder / "readings.csv", folder / "sheet.toml"
 
 
+@pytest.mark.quick_cases(2)
 @pytest.mark.parametrize(
     ("file", "name"),
     [
@@ -306,6 +309,7 @@ def test_a_simulated_test_in_memory_is_that_of_the_files(tmp_path):
     assert made.to_dict()["seed"] == 7
 
 
+@pytest.mark.slow
 def test_an_identified_matrix_is_plain_python():
     found = vjm_updating.identified(matrix="foot-19")
     assert json.loads(json.dumps(found.to_dict()))["compliance"] == found.compliance.tolist()

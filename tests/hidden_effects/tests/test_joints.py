@@ -11,7 +11,7 @@ from hidden_effects.plan import STRONG
 import vjm
 
 
-@pytest.mark.quick_cases(2)
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("seed", [9, 14, 6, 1, 7, 8, 10, 11])
 def test_what_was_hidden_is_found(tmp_path, seed):
     """None, stiffness, hardening, three slopes (of which one kink is reached or both), friction."""

@@ -47,6 +47,7 @@ def test_play_in_drive_and_joints_are_one_class_where_the_link_lies_along_the_dr
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("way", [1.0, -1.0])
 def test_where_a_test_only_pulls_or_only_pushes_a_part_is_softer_or_asymmetric(design, way):
     one_sided = replace(design.sequences[0], ux=way * np.abs(design.sequences[0].ux))
@@ -55,6 +56,7 @@ def test_where_a_test_only_pulls_or_only_pushes_a_part_is_softer_or_asymmetric(d
     assert near["tension_compression_asymmetry"] < 0.5 * ONE_CLASS
 
 
+@pytest.mark.slow
 def test_where_it_does_both_they_are_not_one_class(known):
     near = known.equivalent(change(known, "foot_compliance", 0.3))
     assert "foot_compliance" in near

@@ -81,6 +81,7 @@ def pushed(machine, to, steps):
     return VjmEngine().trace(machine, LoadCase(posture, to, "load", free=COMPONENTS, loads=(PUSH,), steps=steps))
 
 
+@pytest.mark.quick_cases(18)
 @pytest.mark.parametrize("steps", [None, 1, 2, 3, 7, 50])
 @pytest.mark.parametrize("to", [45.28, 45.3, 50.0, 600.0, 1500.0, 3000.0, 2e4, 1e7, 1e9])
 def test_a_toggle_has_its_limit_wherever_the_ramp_ends(tmp_path, to, steps):
@@ -100,6 +101,7 @@ def test_a_toggle_has_its_limit_wherever_the_ramp_ends(tmp_path, to, steps):
         assert path.stopped.startswith("the load is greatest at 45.287")
 
 
+@pytest.mark.quick_cases(4)
 @pytest.mark.parametrize("seed", range(12))
 def test_the_weakest_of_several_toggles_is_found(tmp_path, seed):
     """Toggles on each other, and a spring that moves far more than they: each bears the load by itself."""
@@ -260,6 +262,7 @@ def critical_of_arm() -> float:
     return float(np.linalg.eigvalsh(K * root[:, None] * root)[0])
 
 
+@pytest.mark.quick_cases(5)
 @pytest.mark.parametrize("reach", [1.01, 1.02, 1.05, 1.1, 1.15, 1.2, 1.25, 1.3, 1.4, 1.5, 1.6, 1.75, 2.0, 2.5])
 def test_the_branch_is_taken_however_far_the_load_goes(reach):
     critical = critical_of_arm()

@@ -82,6 +82,7 @@ def difference(function, parameter: Parameter, step: float) -> np.ndarray:
 EVENTS = [("A", 0.9, None, 6, 0), ("A", -2.9, 4, 6, 0), ("B", -8.5, 4, 8, 0), ("D", -17.0, 4, 34, 1)]
 
 
+@pytest.mark.quick_cases(2)
 @pytest.mark.parametrize(("posture", "to", "segments", "steps", "which"), EVENTS)
 def test_events_move_as_located_ones_do(soft, traced, posture, to, segments, steps, which):
     """A bifurcation, a stiffness knee and a limit point."""

@@ -79,7 +79,7 @@ def differenced(parameter, machine, *asked, step=1e-3):
     return (4.0 * slopes[1] - slopes[0]) / 3.0
 
 
-@pytest.mark.quick_cases(2)
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize(
     ("quantity", "along"),
     [(DesignQuantity.DEFLECTION, "y"), (DesignQuantity.DEFLECTION, "rz"), (DesignQuantity.STIFFNESS, "y"),

@@ -416,6 +416,7 @@ def test_a_front_of_one_quantity_is_refused():
         vjm.pareto_front("planar-2r", WIDE, ("mass", "mass"))
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize(
     ("wrench", "of"),
     [((0.0, -50.0, 0.0, 0.0, 0.0, 0.0), "deflection"), ((0.0, -50.0, 0.0, 0.0, 0.0, 0.0), "stiffness.y"),
@@ -471,6 +472,7 @@ SQUARES = {"upper.section": SMALL, "fore.section": SMALL}
 MIXED = {"upper.section": [*SMALL[:3], *ROUND], "fore.section": ROUND}
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize(
     ("choices", "limit", "tried"),
     [

@@ -138,6 +138,7 @@ ODD_MOMENTS = [
 ]
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize(("given", "moments"), ODD_MOMENTS)
 def test_an_inertia_that_no_body_has_becomes_the_nearest(tmp_path, given, moments):
     """Of that body alone, and said; left out or refused where that is asked."""
@@ -240,6 +241,7 @@ def test_what_holds_bodies_together_closes_a_loop(tmp_path, held):
     assert closing.home == pytest.approx(np.zeros(3), abs=1e-9)
 
 
+@pytest.mark.quick_cases(4)
 @pytest.mark.parametrize("name", [entry.name for entry in (*machines(), *manipulators())])
 def test_a_machine_with_closed_loops_goes_to_mujoco_and_comes_back(tmp_path, name):
     machine = load_model(name)

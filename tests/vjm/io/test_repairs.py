@@ -26,7 +26,7 @@ def part(found, name):
 # --- moments of inertia ---------------------------------------------------------------------------------------
 
 
-@pytest.mark.quick_cases(2)
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("seed", range(8))
 def test_the_nearest_moments_are_nearer_than_any_other(seed):
     """Against a search over masses in space, Σ = L L', of the tensors tr(Σ) 1 − Σ that bodies have."""

@@ -185,7 +185,7 @@ def test_the_command_takes_and_refuses_units(tmp_path):
     assert not (tmp_path / "b.toml").exists()
 
 
-@pytest.mark.quick_cases(3)
+@pytest.mark.quick_cases(2)
 @pytest.mark.parametrize("units", ["m,kg", *(one for one in UNITS if "*" not in one)])
 def test_every_public_robot_is_recognised_or_has_two_readings(units):
     """Read as if its file were in other units; a small robot in mm and g may be a large one in cm and kg."""

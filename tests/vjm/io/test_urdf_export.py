@@ -42,7 +42,7 @@ def test_a_library_machine_comes_back(tmp_path, name):
     assert masses(back) == masses(chain)
 
 
-@pytest.mark.quick_cases(6)
+@pytest.mark.quick_cases(3)
 @pytest.mark.parametrize("file", [file for file in FILES if Path(file).stem not in NO_MACHINES])
 def test_an_imported_robot_comes_back(tmp_path, file):
     chain = build_chain(import_urdf(ROBOTS / file).document, "m.toml")

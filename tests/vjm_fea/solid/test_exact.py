@@ -60,6 +60,7 @@ def test_prism_in_torsion_is_saint_venants(tmp_path):
     assert (long - short) / 40.0 == pytest.approx(1.0 / (G * rectangle_torsion(h, b)), rel=EXACT)
 
 
+@pytest.mark.slow
 def test_prism_in_shear_is_timoshenkos(tmp_path):
     """Cowper's coefficient 10(1+ν)/(12+11ν) (J. Appl. Mech. 33, 1966), at five heights shear is 3 %."""
     L, h, b = 100.0, 20.0, 10.0
@@ -117,6 +118,7 @@ def test_tapered_cantilever(tmp_path):
     assert C[4, 4] == pytest.approx(np.sum(w * 12.0 / (E * h * b**3)), rel=EXACT)
 
 
+@pytest.mark.slow
 def test_curved_bar_is_golovins(tmp_path):
     """Pure bending of a circular bar (Timoshenko and Goodier, §29): the turn of the angle between two arcs.
 

@@ -78,6 +78,7 @@ def test_noise_is_survived(make: Make):
     assert np.std(r) == pytest.approx(1.0, abs=4.0 / np.sqrt(2.0 * len(r)))
 
 
+@pytest.mark.slow
 def test_autocorrelation_of_the_noise_widens_the_intervals(make: Make):
     white, red = solved(make(steps=40)), solved(make(steps=40, rho=0.8))
     assert white.whitening.autoregression.rho.max() < 0.35

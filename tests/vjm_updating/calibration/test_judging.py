@@ -151,6 +151,7 @@ def test_tolerances_reach_the_figures(make: Make):
     assert force.std(covariance) / force.value == pytest.approx(np.hypot(0.02, 2.0 * 0.2 / 310.0), rel=3e-3)
 
 
+@pytest.mark.slow
 def test_the_rounding_of_printed_matrices_reaches_the_figures(make: Make):
     """One spring a part: K0 in A is the inverse of C_xx of the foot and half of that of the bar."""
     measurement = make(sheet=synthetic.sheet_text(foot=1, link=1), ramps={"A": (1.0,)})
@@ -164,6 +165,7 @@ def test_the_rounding_of_printed_matrices_reaches_the_figures(make: Make):
     assert stiffness.std(covariance) == pytest.approx(expected, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_the_rounding_reaches_a_split_link_by_its_quotients(make: Make):
     """Its EI is L over an entry of two digits, 72e-7: half a unit of 1e-7 is 0.7 %."""
     figures, covariance, names = carried.within_rounding(make())

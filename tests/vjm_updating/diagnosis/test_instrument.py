@@ -297,7 +297,7 @@ MISTAKES = {
 }
 
 
-@pytest.mark.quick_cases(3)
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("name", MISTAKES)
 def test_a_mistake_is_named_and_undone(name, quiet, tmp_path):
     change, cause = MISTAKES[name]

@@ -117,6 +117,7 @@ def quiet(make, tmp_path, monkeypatch):
     return files
 
 
+@pytest.mark.slow
 def test_outliers_are_found_though_they_have_pulled_the_fit(quiet, monkeypatch):
     # a residual that is steep at the turns hides them from their neighbours
     monkeypatch.setattr(preparation, "standing_out", lambda _, r, factors: np.zeros(r.shape, dtype=bool))

@@ -73,6 +73,7 @@ def test_intervals_hold_the_truth(tmp_path):
     assert chi2.ppf(1e-3, 80) < squares < chi2.ppf(1.0 - 1e-3, 80)
 
 
+@pytest.mark.slow
 def test_intervals_are_as_wide_as_the_readings_scatter(tmp_path):
     """With five times the sheet's noise deviations are five times those of exact readings."""
     noise = 5.0 * NOISE * np.random.default_rng(1).standard_normal((4, 4))
@@ -125,6 +126,7 @@ def test_one_posture_does_not_tell_which_modes_they_are(tmp_path):
     assert document.pairing[0].otherwise
 
 
+@pytest.mark.slow
 def test_stiffness_and_mass_alike_are_not_seen(tmp_path):
     """All compliances times a factor and all masses over it leave each frequency as it is."""
     names = [f"{name}.compliance" for name in NAMES] + [f"after-{name}.mass" for name in NAMES]

@@ -27,6 +27,7 @@ def tight(C) -> Target:
     return Target(C, 1e-7 * scaling(C))
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("seed", range(3))
 def test_a_straight_beam_is_found_again(seed):
     rng = np.random.default_rng(seed)
@@ -42,6 +43,7 @@ def test_a_straight_beam_is_found_again(seed):
     assert sorted([beam.section.EIy, beam.section.EIz]) == pytest.approx(sorted([s["EIy"], s["EIz"]]), rel=1e-10)
 
 
+@pytest.mark.slow
 def test_shear_is_found_where_it_shows():
     s = {"EA": 7e6, "GJ": 1e7, "EIy": 2e8, "EIz": 5e7, "GAy": 4e4, "GAz": 9e4}
     C = turned(cantilever(200.0, **s), rotation(np.random.default_rng(11)))
@@ -57,6 +59,7 @@ def test_shear_is_found_where_it_shows():
     assert found.beam.beam.beam_compliance() == pytest.approx(C, abs=1e-12 * float(np.max(np.abs(C))))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(2))
 def test_a_beam_with_a_rigid_offset_is_found_again(seed):
     rng = np.random.default_rng(100 + seed)

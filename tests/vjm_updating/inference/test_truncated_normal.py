@@ -156,6 +156,7 @@ def test_a_softer_arm_gains_what_its_displacements_are_likelier_by(tmp_path: Pat
 PARTS = ("foot", "link")
 
 
+@pytest.mark.slow
 def test_calibration_and_diagnosis_find_the_same_springs():
     folder = Path(str(resources.files("vjm_validation") / "examples/soft-springs"))
     measurement = read_measurement(folder / "readings.csv", folder / "sheet.toml")

@@ -93,6 +93,7 @@ def test_hard_ends_of_a_backlash_do_not_hide_how_readings_change(tmp_path):
         np.testing.assert_allclose(slopes[:, :, i], wanted, atol=0.05 * np.abs(wanted).max())
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("turn", [1.0, -1.0])
 def test_loads_to_one_side_do_not_know_backlash(tmp_path, turn):
     """Friction turns the load's sign on the way back; that is no load to the other side."""
@@ -257,6 +258,7 @@ def test_torques_in_another_unit_are_refused(tmp_path, factor, words):
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.slow
 def test_a_diagnosis_names_the_unit_and_nothing_else(tmp_path):
     data, sheet = write(tmp_path, Joint(), 3)
     in_unit(data, 98.0665)

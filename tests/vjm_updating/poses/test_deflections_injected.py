@@ -140,6 +140,7 @@ def test_a_robot_as_modelled_has_no_cause(plain, tmp_path):
     assert (found.verdict, found.causes) == ("none", [])
 
 
+@pytest.mark.slow
 def test_a_force_sensors_zero_is_found(plain, tmp_path):
     q, force, d = plain
     zero = np.array([6.0, -9.0, 4.0])
@@ -155,6 +156,7 @@ def test_a_force_sensors_zero_is_found(plain, tmp_path):
     assert found.written.without == ["instrument_zero"]
 
 
+@pytest.mark.slow
 def test_a_zero_of_what_reads_displacements_is_found(plain, tmp_path):
     """Unloaded readings that were off, as a dial gauge's that was knocked: a constant of one column."""
     q, force, d = plain

@@ -92,6 +92,7 @@ def test_the_selection_of_the_shipped_fanuc(diagnosed):
     assert diagnosed.written.file_mm == pytest.approx(diagnosed.after.fitted_mm, rel=0.02)
 
 
+@pytest.mark.slow
 def test_springs_of_the_inner_half_of_the_postures_hold_in_the_outer_one(readings, tmp_path):
     """Inner: by the largest distance of a joint from its median, in standard deviations.
 
@@ -118,6 +119,7 @@ def test_springs_of_the_inner_half_of_the_postures_hold_in_the_outer_one(reading
     assert set(found.written.valid_within) == {f"joint-{k}" for k in range(1, 7)}
 
 
+@pytest.mark.slow
 def test_stiffnesses_beside_plain_least_squares_and_the_authors(tmp_path):
     found = calibrate_poses(*FILES, tmp_path, families=("actuator_compliance",))
     rows = {row.name.partition(".")[2]: row.within_series95 for row in found.families[0].members}

@@ -128,7 +128,7 @@ DOUBTFUL = {
 }
 
 
-@pytest.mark.quick_cases(3)
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("case", DOUBTFUL)
 def test_columns_that_are_mistaken_are_named(case, good, tmp_path):
     spoil, words = DOUBTFUL[case]
@@ -173,6 +173,7 @@ def test_a_tool_sensor_read_as_the_bases_is_named(good, tmp_path):
     assert any("write axes = 'tool' in [loads.hook]" in one.description for one in found)
 
 
+@pytest.mark.slow
 def test_blanks_are_left_out_and_one_coordinate_is_enough(good, tmp_path):
     holed = {name: values.copy() for name, values in good.items()}
     holed["hook.fx_N"][3] = np.nan
@@ -199,6 +200,7 @@ def test_postures_by_name_and_noise_that_grows_with_the_load(tmp_path):
     assert data.sigma_turn[:, 0] == pytest.approx(np.hypot(1e-5, 1e-7 * size))
 
 
+@pytest.mark.slow
 def test_a_misread_displacement_is_left_out_and_said(good, tmp_path):
     spoilt = {name: values.copy() for name, values in good.items()}
     spoilt["target.dz_mm"][7] += 40.0

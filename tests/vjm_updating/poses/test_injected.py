@@ -104,6 +104,7 @@ def test_next_postures_promise_something(diagnosed):
     assert "Nothing calls" not in diagnosed[0].next
 
 
+@pytest.mark.slow
 def test_a_first_joints_offset_and_the_base_are_one(postures, compliant, tmp_path):
     found = calibrate_poses(
         *files(tmp_path, UR10, postures, compliant[1]),
@@ -205,6 +206,7 @@ def test_bad_data_are_named(spoil, name, postures, compliant, tmp_path):
     assert [row.found.partition(":")[0] for row in found.doubts if row.grade == "doubtful"] == [name]
 
 
+@pytest.mark.slow
 def test_a_jump_is_told_in_full(postures, compliant, tmp_path):
     step = np.array([1.5, -1.0, 0.5])
     y = compliant[1] + np.where(np.arange(120) < 60, 0.0, 1.0)[:, None] * step
@@ -224,6 +226,7 @@ def test_an_outlier_is_left_out_and_said(postures, compliant, diagnosed, tmp_pat
     assert found.after.random_mm == pytest.approx(diagnosed[0].after.random_mm, rel=0.02)  # one reading of 120
 
 
+@pytest.mark.slow
 def test_a_weight_that_points_the_other_way_is_doubted(postures, compliant, tmp_path):
     data, sheet = files(tmp_path, UR10, postures, compliant[1])
     sheet.write_text(sheet.read_text().replace("-9.81", "9.81"))

@@ -240,6 +240,7 @@ def test_wrenches_stand_in_the_same_file(postures, tmp_path):
     assert blind.after.random_mm > 3.0 * found.after.random_mm
 
 
+@pytest.mark.slow
 def test_temperature_that_stretches_the_links_is_named(postures, tmp_path):
     rng = np.random.default_rng(SEED)
     warm = 20.0 + 8.0 * np.sin(np.arange(len(postures)) / 9.0) + rng.normal(0.0, 0.5, len(postures))

@@ -59,6 +59,7 @@ def test_series_have_frames_of_their_own_and_share_the_machine(two):
     assert any("of a new series" in line and "these 2" in line for line in lines(found))
 
 
+@pytest.mark.slow
 def test_one_series_says_that_a_prior_stands_for_the_scatter(two):
     found = calibrate(load_data(*two[0]), fit=SPRINGS).figures
     assert found.after.series_mm is None
@@ -67,6 +68,7 @@ def test_one_series_says_that_a_prior_stands_for_the_scatter(two):
     assert all(m.scatter > 0.0 for m in known)
 
 
+@pytest.mark.slow
 def test_frames_of_one_series_have_no_scatter_that_one_series_cannot_know(two):
     found = calibrate(load_data(*two[0]), fit=("frame_error",)).figures
     assert all(m.interval95 == m.within_series95 and m.scatter == 0.0 for m in found.families[0].members)
@@ -110,6 +112,7 @@ def test_scatter_is_that_of_balanced_groups():
     assert ratios[np.argmax(chance)] == ratios[np.argmin(np.abs(ratios - values.std()))]
 
 
+@pytest.mark.slow
 def test_a_series_is_cut_where_the_tracker_moved(tmp_path):
     where = made(tmp_path, 33, 70, moved=30)
     result = calibrate(load_data(*where), fit=SPRINGS)
@@ -193,6 +196,7 @@ def test_three_changes_in_a_file_are_found(tmp_path, seed):
     assert scored([row for row, _ in hidden], [row for row, _ in found]) == (3, 0)
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize(
     ("words", "said"),
     [

@@ -364,6 +364,7 @@ def test_soft_drives_of_a_wrist_are_known(seed, tmp_path):
         assert row.value > 20.0 * rows["actuator_compliance.joint-2"].value
 
 
+@pytest.mark.slow
 def test_drives_that_are_not_needed_keep_the_models_value(springs, tmp_path):
     """Rigid wrists: the readings are as probable without them, and what is held out is predicted as well."""
     q = drawn(8)
@@ -389,6 +390,7 @@ def test_drives_that_are_not_needed_keep_the_models_value(springs, tmp_path):
     assert {joints[name.partition(".")[2]] for name in kept} == {1e-9}  # the model's own
 
 
+@pytest.mark.slow
 def test_what_is_not_learnt_keeps_the_models_own_value(springs, tmp_path):
     where, _, study, _ = springs
     found = calibrate_poses(*where, tmp_path, families=("actuator_compliance",))
@@ -430,6 +432,7 @@ def test_the_file_is_what_was_judged(tmp_path):
     assert found.written.file_mm == pytest.approx(found.written.refitted_mm, rel=0.02)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("own", [1e-9, 2e-8], ids=["stiff", "soft"])
 def test_every_value_in_a_file_of_a_rigid_sheet_is_one_that_was_judged(own, tmp_path):
     """What is not learnt is the model's in the file, and so in the fit that the file is said to be."""

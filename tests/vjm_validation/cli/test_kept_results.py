@@ -122,7 +122,7 @@ def contents(folder):
     return {file: file.read_bytes() for file in sorted(folder.rglob("*")) if file.suffix in (".csv", ".json")}
 
 
-@pytest.mark.quick_cases(5)
+@pytest.mark.quick_cases(3)
 @pytest.mark.parametrize(("command", "change", "said"), CHANGES)
 def test_each_input_that_changes_is_named_and_the_old_is_not_shown(machine, monkeypatch, command, change, said):
     words, out = words_of(command, machine), machine.parent / "out"
@@ -212,6 +212,7 @@ def test_a_run_that_was_killed_goes_on_and_equals_one_that_was_not(tmp_path, com
     assert again.out.replace(str(cut), "") == uncut.out.replace(str(whole), "")
 
 
+@pytest.mark.quick_cases(2)
 @pytest.mark.parametrize(
     ("damage", "said"),
     [

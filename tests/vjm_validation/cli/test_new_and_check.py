@@ -198,6 +198,7 @@ def test_a_sheet_for_a_file_finds_it_and_goes_with_readings(tmp_path):
     assert fitted["fit"]["fits"]
 
 
+@pytest.mark.slow
 def test_a_sheet_for_an_arm_goes_with_readings(tmp_path):
     model, file, data = tmp_path / "arm.toml", tmp_path / "mine.toml", tmp_path / "readings.csv"
     validate("new", "arm", model)

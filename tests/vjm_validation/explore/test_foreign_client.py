@@ -318,6 +318,7 @@ def test_searches_do_not_pile_up_and_the_sliders_are_answered_meanwhile(page, mo
 # --- what is written -----------------------------------------------------------------------------------------
 
 
+@pytest.mark.quick_cases(4)
 @pytest.mark.parametrize(
     ("name", "words"),
     [

@@ -51,6 +51,7 @@ def test_both_engines_say_the_same(arm):
     assert all(row.difference is None for row in arm.loads if row.engine == "exudyn")
 
 
+@pytest.mark.slow
 def test_deflections_are_those_of_the_equilibria(arm):
     model = Mechanism(load_chain("planar-2r").refined(16).split())
     for row in arm.loads:
@@ -257,6 +258,7 @@ def test_a_machine_with_closed_loops_has_the_report_of_an_arm(loops):
     assert all(row.passed for row in own_acceptance(loops))
 
 
+@pytest.mark.slow
 def test_its_shares_add_up_and_its_map_holds_its_stiffness(loops):
     (row,) = loops.shares
     assert sum(part.energy for part in row.parts) == pytest.approx(1.0, abs=1e-12)

@@ -63,12 +63,14 @@ def test_converged_engines_agree_and_only_the_papers_chains_buckle_when_pulled(r
         assert not pressed[engine].stopped
 
 
+@pytest.mark.slow
 def test_the_rows_that_decide_hold(study):
     found = robot_rows(study)
     assert len(found) == 10
     assert [row for row in found if not row.passed] == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("kind", "change", "fails"),
     [
@@ -90,6 +92,7 @@ def test_what_is_off_fails_the_run(study, kind, change, fails):
     assert any(name.startswith(fails) for name in failed)
 
 
+@pytest.mark.slow
 def test_the_chapter_says_what_was_found(study):
     finding = robots(Run(load_chain("orthoglide-chain"), robots=study))
     text = " ".join(finding.sentences)
@@ -106,6 +109,7 @@ def test_the_chapter_says_what_was_found(study):
         assert "validate all --only robots" in picture.caption
 
 
+@pytest.mark.slow
 def test_a_run_of_robots_only_is_compared_with_finite_elements(study):
     run = Run(load_chain("orthoglide-chain"), robots=study)
     assert no_finite_elements(run) is None
