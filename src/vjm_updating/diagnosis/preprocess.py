@@ -132,18 +132,16 @@ def critical_points(prepared: Prepared, fit: Fit) -> list[CriticalPointRow]:
     return kind.critical_points(fitter, everywhere(prepared.null), everywhere(fit))
 
 
-def refresh(prepared: Prepared, best: Fit, aside: np.ndarray | None = None) -> Prepared | None:
+def refresh(prepared: Prepared, best: Fit, aside: np.ndarray) -> Prepared | None:
     """Find outliers, the readings' covariances and the noise's autocorrelation again, about a better model.
 
-    Readings ``aside`` (n,) are left out, those that are where none are given. None where nothing changes by it, or
-    the model is so far off that it tells nothing of the noise. The fitter is then as it was, so that objectives
-    found with it can still be compared.
+    Readings ``aside`` (n,) are left out. None where nothing changes by it, or the model is so far off that it tells
+    nothing of the noise. The fitter is then as it was, so that objectives found with it can still be compared.
     """
     fitter, kind = prepared.fitter, kind_of(prepared.all.measurement)
     whole = kind.reweighted(fitter, prepared.all, best)
     if whole is None:
         return None
-    aside = prepared.aside if aside is None else aside
     everything = _less(whole, aside)
     readings, whitening, branches = fitter.forward.observed, fitter.whitening, dict(fitter.forward.branches)
     refit(fitter, kind.without_outliers, everything, best)

@@ -127,7 +127,8 @@ def test_outliers_are_found_though_they_have_pulled_the_fit(quiet, monkeypatch):
     assert fitter.whitening.autoregression.rho[0] == 0.0
     z = null.evaluation.z.copy()
     z[next(i for i, c in enumerate(null.parameters) if (c.kind, c.subject) == ("scale", "fx_N"))] += BENT
-    again = preparation.refresh(prepared, replace(null, evaluation=fitter.evaluate(null.parameters, z, ())))
+    other = replace(null, evaluation=fitter.evaluate(null.parameters, z, ()))
+    again = preparation.refresh(prepared, other, prepared.aside)
     assert again is not None
     left_out = prepared.all.present & ~again.fitter.forward.observed.present
     # two that every made-up test has
@@ -148,7 +149,7 @@ def test_a_refresh_that_changes_nothing_leaves_what_objectives_rest_on(make, tmp
     monkeypatch.setattr(
         refit, "estimate_autocorrelation", lambda autoregression, *_: replace(autoregression, rho=found)
     )
-    assert preparation.refresh(prepared, null) is None
+    assert preparation.refresh(prepared, null, prepared.aside) is None
     assert fitter.objective(null.parameters, null.evaluation) == null.objective
 
 
@@ -159,7 +160,7 @@ def test_noise_is_found_anew_about_a_model_of_another_stiffness(make, tmp_path, 
     prepared = preparation.prepare(observe_ramps(read_measurement(files.data, files.sheet)))
     null = prepared.null
     best = replace(null, evaluation=replace(null.evaluation, stiffness=stiffness * null.evaluation.stiffness))
-    assert (preparation.refresh(prepared, best) is not None) == renewed
+    assert (preparation.refresh(prepared, best, prepared.aside) is not None) == renewed
 
 
 def test_signatures_about_a_null_serve_others_near_by(make, tmp_path, monkeypatch):
