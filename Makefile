@@ -46,7 +46,7 @@ help:
 	@echo 'make clean      removes .venv and the caches'
 
 validate: ready
-	@echo 'Running every comparison: some four minutes on two cores.'
+	@echo 'Running every comparison: some eight minutes on two cores.'
 	@$(BIN)/validate all $(ARGS)
 
 # The reference report that is kept in git: words and the figures that they rest on, with every engine.
