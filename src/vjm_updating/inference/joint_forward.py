@@ -231,7 +231,7 @@ def deflections(curve: Curve, forces: Array) -> tuple[Array, Array]:
         >>> deflections(gear.curve, np.array([-0.5, 7.0]))[0].tolist()
         [-0.5, 3.0]
     """
-    return curve_deflections(forces, curve.knots, curve.origin, curve.pieces)
+    return curve_deflections(forces, curve.knots, curve.pieces)
 
 
 def _told(drive: DriveSite, own: Quantity) -> Quantity:

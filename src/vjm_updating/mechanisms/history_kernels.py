@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from vjm.kernels.compilation import entry, kernel
+from vjm.kernels.statics import law_at, law_inverse
 from vjm.rotations import Array
 from vjm_updating.constants import numerical
 
@@ -130,40 +131,20 @@ NEWTON_STEPS, LAST_STEP = numerical(60), numerical(1e-13)
 
 
 @entry
-def curve_deflections(forces: Array, knots: Array, origin: Array, pieces: Array) -> tuple[Array, Array]:
-    """Deflections ``(n,)`` at forces ``(n,)`` of a `vjm.model.laws.Curve` that rises everywhere, and its tangents.
-
-    Newton's method begins on the lines between the knots, each of which turns by one transition only.
-    """
-    n, last, order = len(forces), len(knots) - 1, pieces.shape[1]
-    u, tangent = np.empty(n), np.empty(n)
-    heights = np.empty(last + 1)
-    for k in range(last + 1):
-        s, height = knots[k] - origin[k], 0.0
-        for power in range(order - 1, -1, -1):
-            height = height * s + pieces[k, power]
-        heights[k] = height
-    for i in range(n):
-        force = forces[i]
-        if force <= heights[0]:
-            x = knots[0] + (force - heights[0]) / pieces[0, 1]
-        elif force >= heights[last]:
-            x = knots[last] + (force - heights[last]) / pieces[last + 1, 1]
-        else:
-            k = np.searchsorted(heights, force)
-            x = knots[k - 1] + (force - heights[k - 1]) / (heights[k] - heights[k - 1]) * (knots[k] - knots[k - 1])
+def curve_deflections(forces: Array, knots: Array, pieces: Array) -> tuple[Array, Array]:
+    """Deflections ``(n,)`` at forces ``(n,)``, and tangents, of a `vjm.model.laws.Curve` that rises everywhere."""
+    first = np.array([0, len(knots)])
+    u, tangent, largest = np.empty(len(forces)), np.empty(len(forces)), 0.0
+    for i in range(len(forces)):
+        u[i] = law_inverse(first, knots, pieces, 0, forces[i], 0.0)
+        largest = max(largest, abs(u[i]))
+    for i in range(len(forces)):
         for _ in range(NEWTON_STEPS):
-            piece = np.searchsorted(knots, x, side="right")
-            s, value, slope = x - origin[piece], 0.0, 0.0
-            for power in range(order - 1, -1, -1):
-                slope = slope * s + value
-                value = value * s + pieces[piece, power]
-            tangent[i] = slope
-            step = (force - value) / slope
-            x += step
-            if abs(step) <= LAST_STEP * abs(x):
+            force, tangent[i] = law_at(first, knots, pieces, 0, u[i])
+            step = (forces[i] - force) / tangent[i]
+            u[i] += step
+            if abs(step) <= LAST_STEP * largest:
                 break
-        u[i] = x
     return u, tangent
 
 
