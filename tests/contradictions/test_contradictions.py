@@ -44,10 +44,10 @@ def test_machines_whose_ways_once_differed_agree(seed: int, number: int, tmp_pat
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("time", range(TIMES))
-def test_all_ways_agree(time: int, tmp_path: Path):
+@pytest.mark.parametrize("turn", range(TIMES))
+def test_all_ways_agree(turn: int, tmp_path: Path):
     found = []
-    for number in range(time * len(KINDS), (time + 1) * len(KINDS)):
+    for number in range(turn * len(KINDS), (turn + 1) * len(KINDS)):
         folder = tmp_path / str(number)
         folder.mkdir()
         found += disagreements(number, folder, slow=True)

@@ -96,13 +96,8 @@ def diagnosed(
         marked.unlink()
     begun, busy = time.perf_counter(), time.process_time()
     error = _run(["diagnose", str(data), "--sheet", str(sheet), "--out", str(out), *options])
-    took: dict[str, Any] = {
-        "took": time.perf_counter() - begun,
-        "busy": time.process_time() - busy,
-        "finder": identity(entry),
-    }
-    took["key"] = key
-    took |= {"error": error} if error else {}
+    took: dict[str, Any] = {"took": time.perf_counter() - begun, "busy": time.process_time() - busy}
+    took |= {"finder": identity(entry), "key": key} | ({"error": error} if error else {})
     if not error and not (out / DOCUMENT).is_file():
         took["error"] = "no diagnosis.json was written"
     write_whole(marked, json.dumps(took))

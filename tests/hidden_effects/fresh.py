@@ -253,11 +253,12 @@ def fresh(
     }  # fmt: skip
     # of other folders the names: where they lie is another matter on each machine
     folders = [("generators", one.name) for one in generators if generators != OTHERS]
+    folders += [] if against is None else [("against", against.name)]
     options = " ".join(f"--{name} {value}" for name, value in (*given.items(), *folders) if value is not None)
     text = words(result, f"python -m hidden_effects.fresh {options}")
     if both:
         text += f"\nOf these, {len(both)} sets by another version too:\n\n"
-        text += paired_markdown(paired(*zip(*both, strict=True)))
+        text += paired_markdown(paired(both))
     write_whole(out / "fresh.md", text)
     for page in renew:
         write_whole(page, renewed(page.read_text(encoding="utf-8"), BEGIN, END, text))

@@ -97,29 +97,27 @@ def outside_right(outcome: Outcome) -> bool:
     )
 
 
-def right(outcome: Outcome) -> bool:
-    """Whether a set is answered rightly: its cause, both of a pair, nothing, or that its cause is unknown."""
-    match outcome.truth.group:
-        case "quiet":
-            return outcome.found.verdict == "none"
-        case "outside":
-            return outside_right(outcome)
-        case "pair":
-            return both_right(outcome)
-        case _:
-            return main_right(outcome)
+RIGHT: dict[str, Callable[[Outcome], bool]] = {
+    "quiet": lambda outcome: outcome.found.verdict == "none",
+    "single": main_right,
+    "inseparable": main_right,
+    "pair": both_right,
+    "outside": outside_right,
+}
+"""Whether a set is answered rightly, by its group."""
 
 
-def paired(before: Sequence[Outcome], after: Sequence[Outcome]) -> dict[str, dict[str, Any]]:
+def paired(outcomes: Sequence[tuple[Outcome, Outcome]]) -> dict[str, dict[str, Any]]:
     """Two versions on the same sets, by group and of all: McNemar's exact test (Psychometrika 12, 1947).
 
-    Weak sets are left out, see `of_group`. Of the sets on which the versions differ each is as often right, were
-    they equally good: ``p_value`` of both sides.
+    Sets of weak causes of the catalogue are left out, as in `figures`. Of the sets on which the versions differ
+    each is as often right, were they equally good: ``p_value`` of both sides.
     """
     flags: dict[str, list[tuple[bool, bool]]] = {}
-    for one, other in zip(before, after, strict=True):
-        if of_group([other], other.truth.group, strong=other.truth.group in ("single", "pair")):
-            flags.setdefault(other.truth.group, []).append((right(one), right(other)))
+    for before, after in outcomes:
+        group = after.truth.group
+        if of_group([after], group, strong=group not in ("quiet", "outside")):
+            flags.setdefault(group, []).append((RIGHT[group](before), RIGHT[group](after)))
     flags["all"] = [pair for own in flags.values() for pair in own]
     result = {}
     for group, own in flags.items():

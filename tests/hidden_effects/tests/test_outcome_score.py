@@ -71,7 +71,7 @@ def test_two_versions_are_compared_on_the_same_sets():
     truths = [one] * 8 + [quiet] * 2 + [truth("single", "creep", strength=4.0)]
     before = [*[miss] * 7, hit, nothing, nothing, miss]
     after = [*[hit] * 7, miss, nothing, nothing, hit]
-    by_group = paired(*([Outcome(t, f) for t, f in zip(truths, own, strict=True)] for own in (before, after)))
+    by_group = paired([(Outcome(t, b), Outcome(t, a)) for t, b, a in zip(truths, before, after, strict=True)])
     assert list(by_group) == ["single", "quiet", "all"]
     every = by_group["all"]
     # the weak one is left out
