@@ -19,7 +19,7 @@ from vjm.io.machine_file import load_model
 from vjm.io.model_file import load_chain
 from vjm.kernels.derivatives import frame_derivatives
 from vjm.machine.critical_force import CriticalForce
-from vjm.machine.equilibria import equilibria, unloaded_frames
+from vjm.machine.equilibria import equilibria, largest_residual, unloaded_frames
 from vjm.model.load_case import ARC, Load, LoadCase
 from vjm.model.machine import Machine
 from vjm.model.mechanism import Mechanism
@@ -59,6 +59,7 @@ def postures() -> None:
     """An arm in its posture, and what that depends on."""
     hinge = Machine("hinge", (Joint("q", AXES["z"], compliance=1e-8), RigidOffset("link", mass=1.0)))
     states = equilibria(Mechanism(hinge.split()), np.zeros(1), wrench=np.ones(6))
+    largest_residual(states, wrench=np.ones(6))
     unloaded_frames(states.model, states.q)
     model = states.model
     arrays = model.arrays((0.0, 0.0, 0.0), moments=True)

@@ -20,7 +20,7 @@ from vjm_updating.mechanisms.history_kernels import hardening_deflections
 from vjm_updating.mechanisms.hysteresis import friction_torques
 from vjm_updating.mechanisms.modified_chain import ModifiedMachine
 from vjm_updating.mechanisms.relaxation import Relaxation, relaxing
-from vjm_updating.mechanisms.series_elements import History, retarded, yielding
+from vjm_updating.mechanisms.series_elements import AlongAxis, History, SeriesElement, balance, retarded, yielding
 
 
 def histories() -> None:
@@ -37,7 +37,7 @@ def histories() -> None:
     relaxing([(np.arange(2), along, table, table)], history, Relaxation("link", (0.1,), (10.0,)))(own)
     force = np.array([0.0, 1.0])
     retarded(1e-6, 10.0)(force, history)
-    yielding(0.5, 1e-6)(force, history)
+    balance(sheaf.at, own, [SeriesElement(AlongAxis((1.0, 0.0, 0.0)), yielding(0.5, 1e-6))], history)
     friction_torques(np.zeros((2, 1)), np.ones((2, 1, 1)), 1.0, history.begins, np.zeros((2, 1)))
     column_force(force, 100.0, 1e6)
     deflections(StrainWave(K1=1.0, K2=2.0, K3=4.0, T1=1.0, T2=3.0).curve, force)

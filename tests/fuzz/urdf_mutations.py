@@ -155,8 +155,15 @@ def carried(found: Imported) -> float:
 
 
 def repaired(file: Path) -> Path:
-    """The same robot without what Pinocchio drops masses or refuses files for, and the importer does not read."""
+    """The same robot without what Pinocchio drops masses or refuses files for, and the importer does not read.
+
+    Pinocchio reads no mimics: a joint that follows a fixed one is fixed for it here.
+    """
     root = read_xml(file).root
+    fixed = {joint.attributes.get("name") for joint in root.all("joint") if joint.attributes.get("type") == "fixed"}
+    for joint in root.all("joint"):
+        if any(mimic.attributes.get("joint") in fixed for mimic in joint.all("mimic")):
+            joint.attributes["type"] = "fixed"
     for body in root.all("link"):
         body.children = body.all("inertial")[:1]
         for inertial in body.children:

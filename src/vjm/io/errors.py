@@ -124,11 +124,11 @@ _ENTRIES["bodies"] = "body"
 def _place(loc: tuple[int | str, ...], document: Mapping[str, Any]) -> tuple[str, list[int | str], str]:
     """Where an error lies: the part or table in words, the path of keys inside it, the table's tag."""
     path = list(loc)
-    if len(path) >= 2 and path[0] in _ENTRIES and isinstance(path[1], int):
-        index, word = path[1], _ENTRIES[str(path[0])]
-        raw = document[str(path[0])][index]
-        name = raw.get("name") if isinstance(raw, dict) else None
-        where = f"{word} '{name}'" if isinstance(name, str) else f"{word} {index + 1}"
+    entry = path[1] if len(path) > 1 and path[0] in _ENTRIES else None
+    # one that is no table is told by its list
+    if isinstance(entry, int) and isinstance(raw := document[str(path[0])][entry], dict):
+        word, name = _ENTRIES[str(path[0])], raw.get("name")
+        where = f"{word} '{name}'" if isinstance(name, str) else f"{word} {entry + 1}"
         # pydantic names the chosen kind of part, and of section, on the way to the key
         table, inner = (str(path[2]) if len(path) > 2 else "", path[3:]) if word == "part" else (word, path[2:])
         if len(inner) > 1 and inner[0] in ("section", "end_section", "law"):
