@@ -160,10 +160,10 @@ def repaired(file: Path) -> Path:
     Pinocchio reads no mimics: a joint that follows a fixed one is fixed for it here.
     """
     root = read_xml(file).root
-    fixed = {joint.attributes.get("name") for joint in root.all("joint") if joint.attributes.get("type") == "fixed"}
-    for joint in root.all("joint"):
-        if any(mimic.attributes.get("joint") in fixed for mimic in joint.all("mimic")):
-            joint.attributes["type"] = "fixed"
+    fixed = {each.attributes.get("name") for each in root.all("joint") if each.attributes.get("type") == "fixed"}
+    for each in root.all("joint"):
+        if any(mimic.attributes.get("joint") in fixed for mimic in each.all("mimic")):
+            each.attributes["type"] = "fixed"
     for body in root.all("link"):
         body.children = body.all("inertial")[:1]
         for inertial in body.children:

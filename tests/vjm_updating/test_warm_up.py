@@ -36,7 +36,8 @@ def kernels() -> dict[str, Dispatcher]:
         for package in (vjm, vjm_updating)
         for module in modules(package)
         for name, each in vars(module).items()
-        if isinstance(each, Dispatcher) and each.py_func.__module__ == module.__name__
+        if isinstance(each, Dispatcher)
+        and each.py_func.__module__ == module.__name__
         # what only kernels call is in their code
         and not each.targetoptions.get("no_cpython_wrapper")
     }
