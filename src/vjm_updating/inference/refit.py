@@ -10,7 +10,6 @@ from dataclasses import replace
 from itertools import product
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve
 from scipy.special import betaincinv, logsumexp, ndtri
 
 from vjm.rotations import Array
@@ -338,20 +337,20 @@ def _costs(
     table[on, 0] = np.column_stack([known, U, instant[on, c]])
     before, gap = autoregression.before[:, [c]], autoregression.gap[:, [c]]
     result = np.full((len(GRID), len(SHARES)), np.inf)
+    # for each size of the wrong model: standard deviations of the coefficients, and one row for the readings
+    sizes = np.array(SIZES if k else [0.0])
+    scale = np.ones((len(sizes), m + k + 1))
+    scale[:, m : m + k] = sizes[:, None]
     for (i, rho), (j, white) in product(enumerate(GRID), enumerate(SHARES)):
         if white > 0.0 and rho < SLOW:
             continue
         own = AutoregressiveNoise(np.array([rho]), np.array([white]), before, gap)
         free = own.remove(table)[on, 0]
-        G, y = free.T @ free, m + k
-        least = np.inf
-        for size in SIZES if k else (0.0,):
-            scale = np.concatenate([np.ones(m), np.full(k, size)])
-            M = np.eye(m + k) + scale[:, None] * G[:y, :y] * scale
-            factor = cho_factor(M, lower=True)
-            g = scale * G[:y, y]
-            fit = float(G[y, y] - g @ cho_solve(factor, g))
-            least = min(least, fit + 2.0 * float(np.sum(np.log(np.diag(factor[0])))))
+        # the last pivot is what the coefficients leave of the readings' squares, and the one that was added
+        M = np.eye(m + k + 1) + scale[:, :, None] * (free.T @ free) * scale[:, None, :]
+        pivots = np.diagonal(np.linalg.cholesky(M), axis1=1, axis2=2)
+        left = pivots[:, -1] ** 2 - 1.0
+        least = float((left + 2.0 * np.log(pivots[:, :-1]).sum(axis=1)).min())
         result[i, j] = own.determinant[0] + least
     return result
 

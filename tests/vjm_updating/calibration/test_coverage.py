@@ -14,7 +14,7 @@ from vjm_updating.experiment import read_measurement
 from . import synthetic
 from .conftest import ENGINE, RAMPS, TRUTH
 
-REPETITIONS, FEW = 400, 16
+REPETITIONS = 400
 LENGTH_MM = 0.2
 """Tolerance of the link's length."""
 
@@ -71,11 +71,6 @@ def check(results: list[list[bool]]) -> None:
 
 def test_wilson_of_a_textbook():
     assert wilson(81, 263) == pytest.approx((0.2553, 0.3662), abs=1e-4)  # Newcombe 1998, table I
-
-
-@pytest.mark.slow
-def test_a_few_intervals_cover():
-    check([covered(test, rho=0.0, outliers=0.0, steps=12) for test in enumerate(balanced(FEW))])
 
 
 @pytest.mark.slow
