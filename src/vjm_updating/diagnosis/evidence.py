@@ -6,7 +6,7 @@ The evidence is how well it fits, less what its parameters and its choice from t
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import combinations, pairwise
@@ -312,6 +312,9 @@ LIMITS: Mapping[tuple[bool, bool], str] = {
     (True, True): "both", (False, True): "upper", (True, False): "lower", (False, False): "none",
 }  # fmt: skip
 """Of a `ValueRow`, by whether readings tell the lower and the upper end."""
+STEEPER, NEARER = numerical(4.0), numerical(8)
+"""Times what is expected of it, by which the objective rises where its curvature says nothing of an error; and how
+often it is asked nearer then."""
 DIRECTION = "direction_rad"
 """Last word of parameters that are angles all round."""
 
@@ -322,7 +325,8 @@ def estimates(fitter: LeastSquaresProblem, fit: Fit, force: float) -> dict[str, 
     Errors are taken as normal in the fit's own coordinates, where they nearly are; the intervals are of what is
     reported, which may be no straight function of them: a vector's size grows by errors in whatever direction.
     """
-    covariance = covariance_of(fitter, fit)
+    inflation = _inflation(fitter, fit)
+    covariance = _inverse(fitter, fit) * inflation
     push = _beyond_bounds(fitter, fit)
     result: dict[str, ValueRow] = {}
     for i, effect in enumerate(fit.hypothesis):
@@ -342,6 +346,9 @@ def estimates(fitter: LeastSquaresProblem, fit: Fit, force: float) -> dict[str, 
             for name, value in _with(fit, own, z + h * np.eye(len(own))[k], i, force).items():
                 slopes[name][k] = (value - values[name]) / h
         block = covariance[np.ix_(own, own)]
+        if effect.extent > 1:
+            shrunk = _supported(fitter, fit, own, np.sqrt(np.diag(block)), inflation)
+            block = block * np.outer(shrunk, shrunk)
         low, high = (np.array([getattr(fit.parameters[k], end) for k in own]) for end in ("low", "high"))
         bounded, errors = _errors(block, low - z, high - z, push[own])
         drawn = [_with(fit, own, z + d, i, force) for d in errors]
@@ -350,6 +357,9 @@ def estimates(fitter: LeastSquaresProblem, fit: Fit, force: float) -> dict[str, 
             off = np.array([draw[name] for draw in drawn]) - value
             if name.endswith(DIRECTION):
                 off = np.angle(np.exp(1j * off))
+                if std > np.pi / 3.0**0.5:
+                    # more than that of an angle of which nothing is known: all are as likely
+                    std, off = np.pi / 3.0**0.5, np.linspace(-np.pi, np.pi, len(off))
             if bounded and effect.extent == 1:
                 ends = [
                     _with(fit, own, end, i, force)[name] - value for end in (low, high) if np.isfinite(end).all()
@@ -361,6 +371,9 @@ def estimates(fitter: LeastSquaresProblem, fit: Fit, force: float) -> dict[str, 
                 # a size that errors in whatever direction make larger is smaller by what lies along it
                 least = least if least < 0.0 else -NORMAL_95 * std
                 most = most if most > 0.0 else NORMAL_95 * std
+                if effect.extent > 1 and not name.endswith(DIRECTION):
+                    # a vector's size
+                    least = max(least, -value)
             result[name] = ValueRow(value=value, std=std, interval95=[value + least, value + most])
         for k in own[effect.extent :] if key is None else ():
             alone = [name for name, slope in slopes.items() if slope[own.index(k)] and np.count_nonzero(slope) == 1]
@@ -388,25 +401,23 @@ def by_profile(fitter: LeastSquaresProblem, fit: Fit, index: int, std: float) ->
     The first distance is ``std``, by the curvature.
     """
     coordinate, z = fit.parameters[index], float(fit.evaluation.z[index])
-    others = [i for i, c in enumerate(fit.parameters) if i != index and c.sigma != 0.0]
-    W = fitter.whitening.flat(fit.jacobian)[:, others]
-    weight = prior(fit.parameters, fit.evaluation.z)[1]
-    A = np.linalg.qr(np.vstack([W, np.diag(weight)[:, others]]))[0]
-    known = {z: 0.0}
-    least, by_readings = _least_squares(fitter, fit, fit.evaluation, A), list[bool]()
+    rise, known, by_readings = _rise(fitter, fit, [index]), {z: 0.0}, list[bool]()
     for way in (-1.0, 1.0):
         distance, against = std, 0.0
         while known[min(known) if way < 0.0 else max(known)] < FAR:
-            point = fit.evaluation.z.copy()
-            point[index] = np.clip(z + way * distance, coordinate.low, coordinate.high)
-            evaluation = fitter.evaluate(fit.parameters, point, fit.hypothesis)
-            if evaluation is None or point[index] in known:
+            place = float(np.clip(z + way * distance, coordinate.low, coordinate.high))
+            if place in known:
                 break
-            known[float(point[index])] = max(_least_squares(fitter, fit, evaluation, A) - least, 0.0)
+            if np.isinf(further := rise(np.array([place]))):
+                against = further
+                break
+            known[place] = max(further, 0.0)
+            point = fit.evaluation.z.copy()
+            point[index] = place
             usual = [float(prior(fit.parameters, where)[0][index]) for where in (point, fit.evaluation.z)]
-            against = known[float(point[index])] - usual[0] ** 2 + usual[1] ** 2
+            against = known[place] - usual[0] ** 2 + usual[1] ** 2
             distance *= 2.0
-        by_readings.append(evaluation is None or against > NORMAL_95**2)
+        by_readings.append(against > NORMAL_95**2)
     places = np.array(sorted(known))
     fine = np.unique(np.concatenate([np.linspace(a, b, GRID) for a, b in pairwise(places)] or [places]))
     density = np.exp(-0.5 * np.interp(fine, places, [known[place] for place in places]))
@@ -417,11 +428,56 @@ def by_profile(fitter: LeastSquaresProblem, fit: Fit, index: int, std: float) ->
     return [(min(low, z), by_readings[0]), (max(high, z), by_readings[1])]
 
 
-def _least_squares(fitter: LeastSquaresProblem, fit: Fit, evaluation: Evaluation, basis: Array) -> float:
-    """Squares of readings and priors that the other coordinates' slopes ``(N, k)``, orthonormal, leave."""
-    r = np.concatenate([fitter.whitening.flat(evaluation.residual), prior(fit.parameters, evaluation.z)[0]])
-    left = r - basis @ (basis.T @ r)
-    return float(left @ left)
+def _rise(fitter: LeastSquaresProblem, fit: Fit, held: Sequence[int]) -> Callable[[Array], float]:
+    """By how much the objective rises with coordinates at other values ``(k,)``.
+
+    The others follow to first order. It is infinite where no machine stands.
+    """
+    others = [i for i, c in enumerate(fit.parameters) if i not in held and c.sigma != 0.0]
+    W = fitter.whitening.flat(fit.jacobian)[:, others]
+    weight = prior(fit.parameters, fit.evaluation.z)[1]
+    A = np.linalg.qr(np.vstack([W, np.diag(weight)[:, others]]))[0]
+
+    def squares(evaluation: Evaluation) -> float:
+        r = np.concatenate([fitter.whitening.flat(evaluation.residual), prior(fit.parameters, evaluation.z)[0]])
+        left = r - A @ (A.T @ r)
+        return float(left @ left)
+
+    least = squares(fit.evaluation)
+
+    def rise(values: Array) -> float:
+        point = fit.evaluation.z.copy()
+        point[list(held)] = values
+        evaluation = fitter.evaluate(fit.parameters, point, fit.hypothesis)
+        return np.inf if evaluation is None else squares(evaluation) - least
+
+    return rise
+
+
+def _supported(fitter: LeastSquaresProblem, fit: Fit, own: Sequence[int], std: Array, inflation: float) -> Array:
+    """Share ``(k,)`` of a vector's standard deviations ``(k,)`` by the curvature that the objective supports.
+
+    At such a distance it rises by one, times the ``inflation`` of the noise. Where it rises much more to both
+    sides, and where the vector turns by as much, readings go with a higher power of the component. A bow out of
+    the plane in which a bar buckles changes them by its square, and to first order by nothing. Where the objective
+    rises however near, it is not smooth, and the curvature is all that is known.
+    """
+    z = fit.evaluation.z[list(own)]
+    length, turned = float(np.hypot(*z)), _rise(fitter, fit, own)
+    shares = np.ones(len(own))
+    for k, index in enumerate(own):
+        straight, share = _rise(fitter, fit, [index]), 1.0
+        for _ in range(NEARER):
+            off = share * std[k]
+            least = min(straight(z[[k]] - off), straight(z[[k]] + off))
+            for angle in (-min(off / length, 0.5 * np.pi), min(off / length, 0.5 * np.pi)) if length else ():
+                c, s = np.cos(angle), np.sin(angle)
+                least = min(least, turned(np.array([c * z[0] - s * z[1], s * z[0] + c * z[1]])))
+            if least <= STEEPER * inflation:
+                shares[k] = share
+                break
+            share *= 0.5 if np.isinf(least) else (inflation / least) ** 0.25
+    return shares
 
 
 def credible(draws: Array, bounds: Sequence[float]) -> tuple[float, float]:
@@ -512,10 +568,13 @@ def _inverse(fitter: LeastSquaresProblem, fit: Fit) -> Array:
 
 def covariance_of(fitter: LeastSquaresProblem, fit: Fit) -> Array:
     """Of a fit's z ``(n_z, n_z)``, widened where it leaves more than the noise."""
-    covariance = _inverse(fitter, fit)
+    return _inverse(fitter, fit) * _inflation(fitter, fit)
+
+
+def _inflation(fitter: LeastSquaresProblem, fit: Fit) -> float:
+    """Of the noise's variance, where a fit leaves more than that."""
     rows = int(fitter.whitening.present.sum())
-    inflation = max(1.0, fitter.squares(fit.parameters, fit.evaluation) / max(rows - fit.free, 1))
-    return covariance * inflation
+    return max(1.0, fitter.squares(fit.parameters, fit.evaluation) / max(rows - fit.free, 1))
 
 
 def nuisance_estimates(fitter: LeastSquaresProblem, fit: Fit) -> dict[str, ValueRow]:

@@ -64,6 +64,47 @@ def test_a_vector_may_be_larger_by_what_is_unknown_across_it():
     assert 0.03 - 1.96 * 0.001 < angle.low < 0.03
 
 
+def test_what_readings_tell_by_its_square_alone_is_not_unknown():
+    """As of a bow out of the plane in which a bar buckles: the curvature says nothing, the objective does."""
+    effect = LoadMisalignment()
+    scale = 1.0 / coordinates([], (effect,))[0].value(1.0)
+    across, unknown = 0.01 * scale, 1e3 * scale
+
+    def readings(off):
+        return np.array([off[0], (off[1] * unknown / across) ** 2])
+
+    found = estimates(*known(effect, [0.03 * scale, 0.0], 0.001 * scale, unknown, readings=readings), 0.0)
+    angle, towards = found["load_misalignment.angle_rad"], found["load_misalignment.direction_rad"]
+    # the objective rises by one where that square is one standard deviation
+    assert angle.high == pytest.approx(np.hypot(0.03, 2.2414 * 0.01), **QUANTILES)
+    # the first trial, far off, turns the vector: the fourth root of its rise leaves half a per cent
+    assert towards.std == pytest.approx(0.01 / 0.03, rel=0.01)
+
+
+def test_a_vector_of_known_size_may_have_any_direction():
+    """Nothing is known of a component to first order, and the objective rises along it, but not all round."""
+    effect = LoadMisalignment()
+    scale = 1.0 / coordinates([], (effect,))[0].value(1.0)
+    size, error, unknown = 0.03 * scale, 0.001 * scale, 1e3 * scale
+
+    def readings(off):
+        vector = np.array([size + off[0] * error, off[1] * unknown])
+        return np.array([(np.hypot(*vector) - size) / error, 0.0])
+
+    found = estimates(*known(effect, [size, 0.0], error, unknown, readings=readings), 0.0)
+    towards = found["load_misalignment.direction_rad"]
+    assert towards.high - towards.low == pytest.approx(0.95 * 2.0 * np.pi)
+
+
+def test_a_size_is_not_negative_and_an_unknown_direction_is_anywhere():
+    effect = LoadMisalignment()
+    scale = 1.0 / coordinates([], (effect,))[0].value(1.0)
+    found = estimates(*known(effect, [0.001 * scale, 0.0], 0.03 * scale, 0.03 * scale), 0.0)
+    assert found["load_misalignment.angle_rad"].low == pytest.approx(0.0, abs=1e-12)
+    # that of an even distribution all round
+    assert found["load_misalignment.direction_rad"].std == pytest.approx(np.pi / np.sqrt(3.0))
+
+
 def test_a_direction_has_no_end():
     effect = LoadMisalignment()
     scale = 1.0 / coordinates([], (effect,))[0].value(1.0)
