@@ -137,3 +137,14 @@ def test_the_fewest_sets_are_those_that_no_member_says_with_less():
     assert credible("joints", p, more) == ["joints", "springs"]
     assert credible("springs, gears", p, more) == ["joints", "springs", "springs, gears"]
     assert credible("joints", p, most=1) == ["joints"]
+
+
+def test_a_residual_that_a_laws_error_excuses_is_not_called_noise():
+    p, places = by_hypotheses([hypothesis(1.0, "creep")])
+    row = findings_of(
+        p, {"creep": 0.9}, [], explained=0.9, left=3.5, more_than_noise=False, trusted=True, places=places,
+        within_law_error=True,
+    )  # fmt: skip
+    assert row.words[-1].endswith(
+        "residual: 3.50 sigma, more than noise, but no more than the laws of these causes may be wrong by"
+    )

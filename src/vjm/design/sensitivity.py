@@ -361,6 +361,10 @@ def sensitivity(
             raise ValueError(f"{asked.machine.name}, posture {asked.posture}: its deflection along {along} is zero")
     if quantity is DesignQuantity.MASS and not value:
         raise ValueError(f"{asked.machine.name}: no part has a mass")
+    if not value:
+        raise ValueError(
+            f"{asked.machine.name}, posture {asked.posture}: its {quantity} is zero: no change of it is relative"
+        )
     rows, left_out = [], []
     for parameter in parameters:
         try:
@@ -608,10 +612,12 @@ def _stiffness_rate(base: LinearState, parameter: Parameter, k: int) -> float:
 def _moves(asked: Question, parameter: Parameter) -> bool:
     """Whether a parameter moves a point of the unloaded machine."""
     changed = asked_with(asked, parameter, parameter.value + STEP * parameter.scale)
-    places = [
-        model.shape(model.kinematics(model.configuration(model.chain.posture(asked.posture))))
-        for model in (asked.model, changed.model)
-    ]
+    places = []
+    for model in (asked.model, changed.model):
+        k = model.kinematics(model.configuration(model.chain.posture(asked.posture)))
+        # where a part ends that is rigid, no station is
+        ends = [(k.behind[end.joint + 1] @ end.frame)[:3, 3] for end in model.built.ends.values()]
+        places.append(np.vstack([model.shape(k), *ends]))
     length = asked.model.characteristic_length
     return places[0].shape != places[1].shape or bool(np.abs(places[1] - places[0]).max() > CLOSED * length)
 

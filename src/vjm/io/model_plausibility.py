@@ -496,6 +496,9 @@ def _sagging(model: ModelFile) -> Iterator[Found]:
                     f"it bends by {printed(sag, 2)} rad under the weight of what it carries. Is a length in cm "
                     "or m, EI or a modulus in another unit, or a mass in g?",
                 )
+        if model.closures:
+            # others bear a part of it, and what a loop holds along its length does not bend
+            continue
         # what rides on a beam may stand at its end
         on = (part.rides_on if isinstance(part, MovingTable) else None) or before[part.name]
         others = carried.get(on, (0.0, 0.0))

@@ -246,6 +246,10 @@ class _Writer:
         else:
             table |= {"kind": "coupled", **self._moves(joint)}
             table |= {"to": {self._label[mimic.joint]: mimic.ratio}, "coupling": "as deflected"}
+            self._notes.changed.append(
+                f"joint '{joint.name}' follows '{mimic.joint}' with what its spring adds, as by a belt; "
+                'write coupling = "as commanded" where a controller leads it'
+            )
             if mimic.offset:
                 table[OFFSET[joint.kind]] = mimic.offset
             table |= self._limits(joint) | self._rotor(joint)

@@ -155,8 +155,15 @@ def _not_rigid(chain: Machine, format_name: str) -> list[str]:
         if isinstance(part, RigidOffset | Beam) and part.mass > 0.0 and getattr(part, "inertia", None) is None
     ]
     several = [one.name for one in chain.moving if one.coupling is not None and len(one.coupling.ratios) > 1]
+    commanded = [
+        one.name
+        for one in chain.moving
+        if one.coupling is not None and not one.coupling.as_deflected and len(one.coupling.ratios) == 1
+    ]
     rows: tuple[tuple[str, list[str], str], ...] = (
         ("the coupling of", several, f": a joint of {format_name} follows one other joint"),
+        ("that", commanded,
+         f" follow what others are commanded, not how these deflect: {format_name} does not tell the two apart"),
         ("that", [] if of_mujoco else [joint.name for joint in chain.joints],
          f" move freely: {format_name} does not tell them from driven joints"),
         ("the laws of", [name for name, _ in chain.laws], f": {format_name} has none"),
@@ -355,8 +362,11 @@ def mjcf_leaves_out(chain: Machine) -> list[str]:
     """What the MJCF file of a chain does not say, a line for each kind; empty where it says all."""
     lines = []
     held = [part.name for part in chain.parts if _stiffness(part) is not None]
+    own = ": a joint of MJCF has a spring about its own axis only"
     if rigid := [name for name in elastic_parts(chain) if name not in held]:
-        lines.append(f"what is elastic in {', '.join(rigid)}: a joint of MJCF has a spring about its own axis only")
+        lines.append(f"what is elastic in {', '.join(rigid)}{own}")
+    if across := [part.name for part in chain.moving if part.name in held and part.bearings]:
+        lines.append(f"what is elastic across the axes of {', '.join(across)}{own}")
     if held:
         label = next(iter(chain.held), None)
         where = f"in the posture '{label}'" if label else "at zero"
@@ -399,10 +409,10 @@ def _inertial(element: ET.Element, place: str, mass: str, moments: list[float] |
 
 
 def _stiffness(part: object) -> float | None:
-    """About or along the joint's own axis, N mm/rad or N/mm; None where the joint has no such spring alone."""
+    """About or along the joint's own axis, N mm/rad or N/mm; None where the joint has no such spring."""
     if not isinstance(part, Joint) or not part.held or part.coupling is not None:
         return None
-    if part.bearings or not part.compliance:
+    if not part.compliance:
         return None
     return part.stiffness if part.passive else 1.0 / part.compliance
 

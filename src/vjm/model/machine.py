@@ -333,12 +333,18 @@ class Machine:
         """Length of the longest straight piece in mm, elastic or rigid: the unit in which solvers measure lengths.
 
         Short elastic parts on long rigid ones are springs of joints. Measured by their own length, the chain's
-        motions would be large, and its branches would be sought next to where it stands.
+        motions would be large, and its branches would be sought next to where it stands. It is 1 mm where no part
+        has a length.
         """
+        return self.longest or 1.0
+
+    @cached_property
+    def longest(self) -> float:
+        """Length of the longest straight piece in mm; 0 where no part has any."""
         offsets = [part.transform[:3, 3] for part in self.parts if isinstance(part, RigidOffset)]
         offsets += [beam.end_offset for beam in self.beams]
         lengths = [beam.length for beam in self.beams] + [float(np.linalg.norm(offset)) for offset in offsets]
-        return max(lengths, default=0.0) or 1.0
+        return max(lengths, default=0.0)
 
     def posture(self, label: str) -> Array:
         """Passive joint coordinates ``(n_q,)`` in rad.
@@ -367,7 +373,8 @@ class Machine:
         names = {beam.name for beam in self.beams}
         for name, n in segments.items():
             if name not in names:
-                raise ValueError(f"{self.name}: no beam '{name}' to split; it has {', '.join(sorted(names))}")
+                known = ", ".join(sorted(names)) or "none"
+                raise ValueError(f"{self.name}: no beam '{name}' to split; it has {known}")
             if n < 1:
                 raise ValueError(f"{self.name}: beam '{name}' needs at least one segment, got {n}")
 

@@ -69,6 +69,9 @@ class FindingsRow(Row):
     explained: float = Field(0.0, description="share of what the nominal model misses, by the likeliest hypothesis")
     left: float = Field(0.0, description="residual, root mean square over the noise")
     more_than_noise: bool = Field(False, description="whether the residual is more than noise")
+    within_law_error: bool = Field(
+        False, description="whether the residual is noise only beside what the causes' laws may be wrong by"
+    )
     trusted: bool = Field(True, description="whether anything is said to act; else the causes are guesses")
     words: list[str] = Field([])
 
@@ -186,6 +189,7 @@ def findings_of(
     nothing: float | None = None,
     unknown: float | None = None,
     within_law: Mapping[str, str] | None = None,
+    within_law_error: bool = False,
 ) -> FindingsRow:
     """The findings in rows and words.
 
@@ -220,6 +224,7 @@ def findings_of(
         explained=explained,
         left=left,
         more_than_noise=more_than_noise,
+        within_law_error=within_law_error,
         trusted=trusted,
     )
     return findings.model_copy(update={"words": words(findings)})
@@ -237,6 +242,8 @@ def words(findings: FindingsRow) -> list[str]:
     if findings.unknown is not None and findings.unknown >= 1.0 - SURE:
         lines.append(f"something acts that no catalogue has: probability {findings.unknown:.2f}")
     noise = "more than noise" if findings.more_than_noise else "no more than noise"
+    if findings.within_law_error:
+        noise = "more than noise, but no more than the laws of these causes may be wrong by"
     if not findings.trusted:
         noise += ", and nothing is said to act"
     explained = f"explained: {findings.explained:.0%} of what the nominal model misses"

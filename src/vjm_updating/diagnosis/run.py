@@ -130,7 +130,7 @@ def unless_unexplained(verdict: Verdict, mistakes: Sequence[Mistake]) -> Verdict
         return verdict
     left = f"takes {rest.farthest}" if rest.prior_p < rest.p else f"leaves {rest.worst or 'a rough residual'}"
     doubt = f"a mistake of the instruments alone is a guess: without it what fits best {left}"
-    return replace(withdrawn(verdict, doubt), more_than_noise=True)
+    return replace(withdrawn(verdict, doubt), more_than_noise=True, within_law_error=False)
 
 
 def with_mistakes(document: Diagnosis, mistakes: Sequence[Mistake]) -> Diagnosis:
@@ -299,8 +299,11 @@ def diagnose_ramps(
     document = with_mistakes(document, mistakes).model_copy(update={"doubts": doubt_rows(findings)})
     progress("report")
     chosen = verdict.members[0].fit if verdict.members else prepared.null
-    values = estimates(prepared.fitter, chosen, 0.0)
-    model = extended_text(measurement, prepared.fitter, chosen, verdict.kind, values)
+    model = ""
+    # what no cause explains is made up for by lengths and moduli: such a machine predicts nothing
+    if verdict.kind != "unknown":
+        values = estimates(prepared.fitter, chosen, 0.0)
+        model = extended_text(measurement, prepared.fitter, chosen, verdict.kind, values)
 
     def page(document: Diagnosis) -> str:
         # matplotlib takes a second to import, and is an extra

@@ -22,6 +22,8 @@ def lines(diagnosis: Diagnosis) -> list[str]:
     result += diagnosis.findings.words
     if diagnosis.residual:
         result.append(diagnosis.residual)
+    if diagnosis.noise is not None and diagnosis.noise.outliers:
+        result.append(f"outliers, which do not count: {diagnosis.noise.outliers} of the samples")
     for candidate in diagnosis.candidates:
         result.append(
             f"  {' + '.join(candidate.places or placed(candidate))}, probability {candidate.probability:.2f}"
@@ -40,7 +42,12 @@ def lines(diagnosis: Diagnosis) -> list[str]:
         result.append(
             f"  {fold.name}, {fold.readings} readings: {fold.rmse_before:.3g} before, {fold.rmse_after:.3g} after"
         )
-    result += [_critical(row) for row in diagnosis.critical if row.measured_N or row.nominal_N or row.extended_N]
+    extended = diagnosis.verdict != "unknown"
+    if not extended:
+        result.append("no extended model is written: no cause of the catalogue explains the readings")
+    for point in diagnosis.critical:
+        if point.measured_N or point.nominal_N or (point.extended_N and extended):
+            result.append(_critical(point, extended=extended))
     for row in diagnosis.transfer:
         error = "does not stand" if row.rmse is None else f"{row.rmse:.3g} {row.unit}"
         result.append(f"beside, by {' + '.join(row.causes)}: {row.what}: {error}")
@@ -77,15 +84,16 @@ def no_value(name: str, value: ValueRow | str) -> str:
     return "" if value.limits == "both" else value.words
 
 
-def _critical(row: CriticalPointRow) -> str:
-    """Critical forces of one half-ray, and where the material would yield."""
+def _critical(row: CriticalPointRow, *, extended: bool) -> str:
+    """Critical forces of one half-ray, of an extended model if there is one, and where the material would yield."""
 
     def point(force: float | None, kind: str) -> str:
         return "none" if force is None else f"{force:.4g} N ({kind})"
 
     measured = "none measured" if row.measured_N is None else f"measured {row.measured_N:.4g} N"
     yields = row.yields if row.yields_N is None else f"{row.yields_N:.4g} N, {row.yields}"
-    return (
-        f"critical, posture {row.posture}, {row.direction}: {measured} up to {row.reached_N:.4g} N; nominal model "
-        f"{point(row.nominal_N, row.nominal)}, extended {point(row.extended_N, row.extended)}; first yield {yields}"
-    )
+    models = f"nominal model {point(row.nominal_N, row.nominal)}"
+    if extended:
+        models += f", extended {point(row.extended_N, row.extended)}"
+    reached = f"{measured} up to {row.reached_N:.4g} N"
+    return f"critical, posture {row.posture}, {row.direction}: {reached}; {models}; first yield {yields}"

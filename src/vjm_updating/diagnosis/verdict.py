@@ -9,7 +9,7 @@ import numpy as np
 
 from vjm.rotations import Array
 from vjm_updating.constants import numerical
-from vjm_updating.diagnosis.discrepancy import Misfit, blocks_of, marginalised
+from vjm_updating.diagnosis.discrepancy import Misfit, blocks_of, marginalised, misfit
 from vjm_updating.diagnosis.document import (
     SURE,
     FindingsRow,
@@ -135,6 +135,7 @@ class Verdict:
             `credible_places`.
         doubt: why causes that fit are not named, in words; empty where that is not so.
         more_than_noise: whether the best leaves more than noise, or takes more than the sheet's tolerances.
+        within_law_error: whether it is noise only beside what the causes' laws may be wrong by.
     """
 
     kind: str
@@ -147,6 +148,7 @@ class Verdict:
     doubt: str = ""
     posterior: Posterior | None = None
     more_than_noise: bool = False
+    within_law_error: bool = False
 
     @property
     def findings(self) -> FindingsRow:
@@ -162,6 +164,7 @@ class Verdict:
             explained=posterior.explained,
             left=posterior.left,
             more_than_noise=self.more_than_noise,
+            within_law_error=self.within_law_error,
             trusted=self.kind != "unknown",
             places=places,
             nothing=posterior.nothing,
@@ -193,7 +196,11 @@ def judge(search: Search, best: ScoredModel) -> Verdict:
     posterior = posterior_of(search, best, alone, beside, power)
     weights = weights_of(search.tried.values(), best)
     wrong = posterior.unknown > 0.5 or search.is_wrong(rest)
-    bare = Verdict("none", (), (), posterior.nothing, (), rest, posterior=posterior, more_than_noise=wrong)
+    within = not wrong and rest.law_error > 0.0 and search.is_wrong(misfit(fitter, best.fit))
+    bare = Verdict(
+        "none", (), (), posterior.nothing, (), rest, posterior=posterior, more_than_noise=wrong,
+        within_law_error=within,
+    )  # fmt: skip
     # what a law's error may leave, and what it costs to take a nuisance off its sheet, is in the posterior; beyond
     # the largest error that a law has, more than noise is no error of a law
     farthest = rest.law_error == largest(search.costs.law_error)

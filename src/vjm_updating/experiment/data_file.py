@@ -91,8 +91,6 @@ def check_column(column: str, points: tuple[str, ...], plain: tuple[str, ...] = 
     match = _QUANTITY.fullmatch(column)
     quantity = match["name"] if match else column
     right = next((name for name in known_channels if name.split("_")[0] == quantity and "_" in name), None)
-    if right is None and re.search(r"[;\t]", column):
-        raise ValueError(f"column '{column}' is several: separate columns by commas, and write decimal points")
     if right is None:
         hint = did_you_mean(channel, known_channels)
         raise ValueError(f"column '{column}' is no channel{hint or '; known are ' + ', '.join(known_channels)}")
@@ -275,6 +273,8 @@ def table_of(readings: TableSource) -> DataTable:
         header, *rows = [[cell.strip() for cell in cells] for cells in csv.reader(lines[head:])] or [[]]
         if not header:
             raise ValueError("the file is empty; its first line must name the columns")
+        if several := [name for name in header if re.search(r"[;\t]", name)]:
+            raise ValueError(f"column '{several[0]}' is several: separate columns by commas, write decimal points")
         if twice := [name for name in header if header.count(name) > 1]:
             raise ValueError(f"column '{twice[0]}' stands twice: leave one")
         table = [(number, cells) for number, cells in enumerate(rows, start=head + 2) if any(cells)]
@@ -286,7 +286,7 @@ def table_of(readings: TableSource) -> DataTable:
         if not table:
             raise ValueError("there is a header but no reading below it")
     except (UnicodeDecodeError, csv.Error) as error:
-        raise DataError(f"{source.name}: no CSV text in UTF-8: {error}") from error
+        raise DataError(f"{source.name}: no CSV text in UTF-8: {error}: save it as CSV in UTF-8") from error
     except ValueError as error:
         raise DataError(f"{source.name}: {error}") from error
     numbers, cells_of_rows = zip(*table, strict=True)

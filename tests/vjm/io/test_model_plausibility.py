@@ -397,3 +397,19 @@ def test_a_mistake_in_a_platform_is_named(old, new, words, tmp_path):
     except ModelFileError as refused:
         said = [str(refused)]
     assert any(words in line for line in said), said
+
+
+def test_struts_that_share_a_weight_are_not_doubted(tmp_path):
+    """Each would bend by 0.9 rad if it bore the plate alone and lay on its side; closures hold it upright."""
+    section = "{ EA_N = 1e7, GJ_Nmm2 = 1e7, EIy_Nmm2 = 1e7, EIz_Nmm2 = 1e7 }"
+    struts = "".join(
+        f'[[beams]]\nname = "s{k}"\nbetween = ["ground", "top"]\nfrom_mm = [{x}, {y}, 0.0]\n'
+        f'to_mm = [{x}, {y}, 300.0]\ny_axis = "y"\nsection = {section}\n'
+        for k, (x, y) in enumerate(((100.0, 0.0), (-50.0, 86.6), (-50.0, -86.6)))
+    )
+    plate = '[[bodies]]\nname = "top"\nmass_kg = 20.0\ncentre_of_mass_mm = [0.0, 0.0, 300.0]\n'
+    head = (
+        'format = 1\nkind = "bodies"\nname = "plate"\ntitle = "three struts"\nsource = "a test"\n'
+        'units = { length = "mm", force = "N", angle = "rad" }\nend = { body = "top", at_mm = [0.0, 0.0, 300.0] }\n'
+    )
+    assert said_of(head + plate + struts, tmp_path) == []

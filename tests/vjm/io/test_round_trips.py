@@ -162,17 +162,17 @@ def test_an_mjcf_file_loses_what_is_said(tmp_path, seed):
     massless = named(lost, "that ", " have no mass")
     assert len(masses(back)) == len(masses(machine)) + len(massless)
     again = {joint.name: joint for joint in back.moving}
-    elastic_lost = named(lost, "what is elastic in ")
+    across_lost = named(lost, "what is elastic across the axes of ")
     for joint in machine.moving:
         other = again[joint.name]
         assert other.rotor == pytest.approx(joint.rotor, rel=LAST)
         assert other.passive == joint.passive
-        if joint.held and joint.coupling is None and joint.name not in elastic_lost:
+        if joint.held and joint.coupling is None:
             assert other.compliance == pytest.approx(joint.compliance, rel=2 * LAST)
-            assert not any(joint.lateral)
+            assert not any(other.lateral)
     rests = {joint.name: joint.rest for joint in machine.joints}
     assert {joint.name: joint.rest for joint in back.joints} == pytest.approx(rests, rel=LAST)
-    assert elastic_lost == {joint.name for joint in machine.held_joints if any(joint.lateral)}
+    assert across_lost == {joint.name for joint in machine.held_joints if any(joint.lateral)}
     if not massless:
         for kept, found in zip(inertias(machine), inertias(back), strict=True):
             assert (kept is None) == (found is None)
@@ -319,3 +319,15 @@ def check_beam(part: Beam, raw: dict[str, Any]) -> None:
         np.testing.assert_array_equal(part.compliance, raw["compliance"])
     else:
         assert part.compliance is None
+
+
+def test_what_a_description_does_not_tell_of_a_coupling_is_said(tmp_path):
+    document = random_document(0)
+    for part in document["parts"]:
+        if part["kind"] == "coupled":
+            part["coupling"] = "as commanded"
+    machine = build_chain(document, "random.toml")
+    names = [one.name for one in machine.moving if one.coupling is not None and len(one.coupling.ratios) == 1]
+    assert names
+    for lost in (robot_text.urdf_leaves_out(machine), robot_text.mjcf_leaves_out(machine)):
+        assert named(lost, "that ", " follow what others are commanded") == set(names)

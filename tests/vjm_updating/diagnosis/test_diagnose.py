@@ -35,7 +35,7 @@ def test_a_quiet_test_is_quiet(make, tmp_path, monkeypatch):
     assert found["gain"] is None
     assert found["noise"]["outliers"] == 2
     page = (tmp_path / "out" / PAGE).read_text()
-    assert "The model explains the data" in page
+    assert "The model explains the readings" in page
     assert not re.search("https?:", page.replace("http://www.w3.org", ""))
 
 

@@ -11,6 +11,7 @@ import tomllib
 import numpy as np
 import pytest
 from helpers.command import json_of, refused, validate
+from helpers.file_texts import model_text, part_text
 
 import vjm
 from vjm_updating.maps import run as maps
@@ -408,3 +409,41 @@ def test_a_sweep_by_a_cluster(tmp_path, monkeypatch):
         values = [sign * float(row[column]) for row in tables[0]]
         assert len(values) == 3
         assert values[0] < values[1] < values[2]
+
+
+def rod(file, *parts, **keys):
+    """A rod that hangs from a hinge with a spring, and a rigid tip behind a second one."""
+    behind = (
+        part_text("actuated", "wrist", axis="x", compliance_rad_per_Nmm=1e-6),
+        part_text("offset", "tip", translation_mm=[0.0, -200.0, 0.0]),
+    )
+    mass = part_text("offset", "rod", translation_mm=[0.0, -300.0, 0.0], mass_kg=1.0, centre_of_mass_mm=[0.0, -150.0, 0.0])
+    file.write_text(model_text("hanging", *parts, mass, *behind, postures={"home": keys}), encoding="utf-8")
+    return file
+
+
+def test_the_length_of_a_rigid_tip_is_geometry(tmp_path):
+    """No station of the machine stands where a rigid part ends: the end frame is moved by its length."""
+    hinge = part_text("actuated", "hinge", axis="z", compliance_rad_per_Nmm=1e-6)
+    file = rod(tmp_path / "hanging.toml", hinge, hinge=0.0, wrist=0.0)
+    rows = json_of("sensitivity", file, "--of", "deflection", "--along", "x", "--wrench", "10,0,0,0,0,0")["parameters"]
+    geometric = {row["parameter"]: row["geometric"] for row in rows}
+    assert geometric["tip.translation_mm.2"]
+    assert not geometric["hinge.compliance_rad_per_Nmm"]
+
+
+def test_a_frequency_of_zero_has_no_relative_change(tmp_path):
+    file = rod(tmp_path / "hanging.toml", part_text("joint", "hinge", axis="z"), hinge=0.0, wrist=0.0)
+    assert "its frequency is zero: no change of it is relative" in refused("sensitivity", file, "--of", "frequency")
+
+
+def test_a_result_without_a_figure_says_so(tmp_path):
+    plot = tmp_path / "k.png"
+    words = ("stiffness", "ur10", "--posture", "stretched", "--wrench", "0,0,-100,0,0,0", "--plot", plot)
+    assert f"--plot {plot}: this result has no figure: leave --plot out" in validate(*words, status=2).err
+    assert not plot.exists()
+
+
+def test_a_page_ends_in_html(tmp_path):
+    page = tmp_path / "page.pdf"
+    assert f"--report {page}: write a file that ends in .html" in refused("modes", "planar-2r", "--report", page)

@@ -25,6 +25,7 @@ from vjm_updating import calibrate, diagnose, load_data
 from vjm_updating.calibration.document import Calibration, tables
 from vjm_updating.data_set import FREQUENCIES, DataSet
 from vjm_updating.mechanisms.catalogue import errors_within, plug_in
+from vjm_updating.result import CALIBRATED
 from vjm_updating.simulate import DATA, SHEET, simulate, words
 from vjm_validation.cli import NOT_ACCEPTED, OK
 from vjm_validation.cli.options import Model, Strict, warn
@@ -181,6 +182,7 @@ def calibrate_(
             warn=warn,
             progress=tell,
         )
+        earlier = (out / CALIBRATED).exists()
         result.write(out)
     document = result.figures
     status = OK if any(result.models.values()) else NOT_ACCEPTED
@@ -197,16 +199,21 @@ def calibrate_(
         look = ["validate", "diagnose", *map(str, data), "--sheet", *map(str, sheet), "--out", str(out)]
         # frequencies have no causes
         frequencies = tests[0].kind == FREQUENCIES
-        console.print(_not_written(document, "" if frequencies else shlex.join(look)), soft_wrap=True)
+        why = _not_written(document, "" if frequencies else shlex.join(look), earlier=earlier)
+        console.print(why, soft_wrap=True)
     return status
 
 
-def _not_written(document: Calibration, look: str) -> str:
-    """Why no model was written, and what to do: ``look`` is the command that says more, if there is one."""
+def _not_written(document: Calibration, look: str, *, earlier: bool) -> str:
+    """Why no model was written, and what to do: ``look`` is the command that says more, if there is one.
+
+    The model of an ``earlier`` run in the same folder was removed, if there was one.
+    """
     remedies = ["--force writes it all the same"]
     if look and not document.fit.fits:
         remedies.insert(0, f"`{look}` looks for what it lacks")
-    return f"No calibrated model was written: {'; '.join([*document.unfit, *remedies])}."
+    removed = ", and that of an earlier run was removed" if earlier else ""
+    return f"No calibrated model was written{removed}: {'; '.join([*document.unfit, *remedies])}."
 
 
 DIAGNOSIS_PAGE = "diagnosis.html"

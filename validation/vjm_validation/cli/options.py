@@ -176,8 +176,9 @@ def six(name: str, text: str) -> list[float]:
 
 def within_reach(name: str, chain: Machine, displacement: Sequence[float]) -> None:
     """Refuse displacements that leave the machine's own size: no spring is linear there."""
-    size, reach = max(abs(v) for v in displacement[:3]), chain.characteristic_length
-    if size > reach:
+    size, reach = max(abs(v) for v in displacement[:3]), chain.longest
+    # of joints that slide alone there is no such size
+    if 0.0 < reach < size:
         raise UsageError(f"{name}: {size:g} mm is out of reach: {chain.name}'s longest part has {reach:g} mm")
     turn = max(abs(v) for v in displacement[3:])
     if turn > 3.0:

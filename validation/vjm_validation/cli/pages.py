@@ -19,7 +19,7 @@ from vjm_validation.cli import UsageError
 from vjm_validation.cli.options import Json, Strict
 from vjm_validation.page_content import Content
 
-LINES, IMAGES = (".png", ".svg"), (".png",)
+LINES, IMAGES, PAGES = (".png", ".svg"), (".png",), (".html", ".htm")
 """Endings of the files of line plots, and of other figures."""
 Plot = Annotated[Path | None, Parameter(name="--plot", help="Write the figure to this file, .png or .svg.")]
 Image = Annotated[Path | None, Parameter(name="--plot", help="Write the figure to this file, .png.")]
@@ -57,6 +57,8 @@ class ResultOutput:
             if file is not None and (why := why_no_page()):
                 raise UsageError(f"{option} {file}: {why}")
         check_outputs(files | {f"--{name}": file for name, file in others.items()})
+        if self.report is not None and self.report.suffix not in PAGES:
+            raise UsageError(f"--report {self.report}: write a file that ends in {' or '.join(PAGES)}")
 
     def show(
         self, document: Row, content: Callable[[], Content], told: Callable[[Console], None] | None = None
@@ -81,6 +83,8 @@ class ResultOutput:
         made = content()
         pictures = made.draw()
         if self.plot is not None:
+            if not pictures:
+                raise UsageError(f"--plot {self.plot}: this result has no figure: leave --plot out")
             drawing = pictures[0].drawing
             if self.plot.suffix != ".svg":
                 write_whole(self.plot, drawing.png)
