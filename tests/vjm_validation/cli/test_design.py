@@ -417,7 +417,8 @@ def rod(file, *parts, **keys):
         part_text("actuated", "wrist", axis="x", compliance_rad_per_Nmm=1e-6),
         part_text("offset", "tip", translation_mm=[0.0, -200.0, 0.0]),
     )
-    mass = part_text("offset", "rod", translation_mm=[0.0, -300.0, 0.0], mass_kg=1.0, centre_of_mass_mm=[0.0, -150.0, 0.0])
+    half = [0.0, -150.0, 0.0]
+    mass = part_text("offset", "rod", translation_mm=[0.0, -300.0, 0.0], mass_kg=1.0, centre_of_mass_mm=half)
     file.write_text(model_text("hanging", *parts, mass, *behind, postures={"home": keys}), encoding="utf-8")
     return file
 
@@ -426,8 +427,8 @@ def test_the_length_of_a_rigid_tip_is_geometry(tmp_path):
     """No station of the machine stands where a rigid part ends: the end frame is moved by its length."""
     hinge = part_text("actuated", "hinge", axis="z", compliance_rad_per_Nmm=1e-6)
     file = rod(tmp_path / "hanging.toml", hinge, hinge=0.0, wrist=0.0)
-    rows = json_of("sensitivity", file, "--of", "deflection", "--along", "x", "--wrench", "10,0,0,0,0,0")["parameters"]
-    geometric = {row["parameter"]: row["geometric"] for row in rows}
+    found = json_of("sensitivity", file, "--of", "deflection", "--along", "x", "--wrench", "10,0,0,0,0,0")
+    geometric = {row["parameter"]: row["geometric"] for row in found["parameters"]}
     assert geometric["tip.translation_mm.2"]
     assert not geometric["hinge.compliance_rad_per_Nmm"]
 
