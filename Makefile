@@ -130,7 +130,7 @@ $(VENV)/.installed: $(VENV)/.base $(SOURCES)
 	@touch $@
 
 $(VENV)/.project: $(VENV)/.installed
-	@echo 'Compiling the kernels: a minute, once for these sources. Interrupted, it goes on with the next kernel.'
+	@echo 'Compiling the kernels: some three minutes, once for these sources. Interrupted, it goes on with the next kernel.'
 	@$(BIN)/python -m vjm_updating.warm_up
 	@touch $@
 

@@ -1,6 +1,6 @@
 """Compile every kernel into the cache beside it: ``python -m vjm.warm_up``, which the installation runs once.
 
-Compiling takes a minute or two of a processor, shared by two processes. Whoever installs without this step waits
+Compiling takes some five minutes of a processor, shared by two processes. Whoever installs without this step waits
 for it in the first command.
 """
 

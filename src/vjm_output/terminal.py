@@ -69,7 +69,7 @@ def compiling() -> Callable[[str], None]:
         if now < due:
             return
         due = now + EVERY_S
-        so_far = f": {count - 1} done in {now - started:.0f} s" if count > 1 else " takes a minute or two"
+        so_far = f": {count - 1} done in {now - started:.0f} s" if count > 1 else " takes some minutes"
         error(f"compiling the kernels, once after an installation{so_far}")
 
     return watch

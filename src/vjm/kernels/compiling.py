@@ -1,6 +1,6 @@
 """Who wants to know that kernels are being compiled. Nothing here imports Numba.
 
-The first use after an installation compiles them, unless `vjm.warm_up` did. That takes a minute or two.
+The first use after an installation compiles them, unless `vjm.warm_up` did. That takes some minutes.
 """
 
 from __future__ import annotations
