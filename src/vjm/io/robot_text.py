@@ -154,12 +154,9 @@ def _not_rigid(chain: Machine, format_name: str) -> list[str]:
         for part in chain.parts
         if isinstance(part, RigidOffset | Beam) and part.mass > 0.0 and getattr(part, "inertia", None) is None
     ]
-    several = [one.name for one in chain.moving if one.coupling is not None and len(one.coupling.ratios) > 1]
-    commanded = [
-        one.name
-        for one in chain.moving
-        if one.coupling is not None and not one.coupling.as_deflected and len(one.coupling.ratios) == 1
-    ]
+    couplings = {one.name: one.coupling for one in chain.moving if one.coupling is not None}
+    several = [name for name, coupling in couplings.items() if len(coupling.ratios) > 1]
+    commanded = [name for name, one in couplings.items() if not one.as_deflected and name not in several]
     rows: tuple[tuple[str, list[str], str], ...] = (
         ("the coupling of", several, f": a joint of {format_name} follows one other joint"),
         ("that", commanded,
@@ -410,9 +407,7 @@ def _inertial(element: ET.Element, place: str, mass: str, moments: list[float] |
 
 def _stiffness(part: object) -> float | None:
     """About or along the joint's own axis, N mm/rad or N/mm; None where the joint has no such spring."""
-    if not isinstance(part, Joint) or not part.held or part.coupling is not None:
-        return None
-    if not part.compliance:
+    if not isinstance(part, Joint) or not part.held or part.coupling is not None or not part.compliance:
         return None
     return part.stiffness if part.passive else 1.0 / part.compliance
 

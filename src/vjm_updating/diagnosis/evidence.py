@@ -15,7 +15,7 @@ import numpy as np
 from scipy.special import ndtri
 
 from vjm.rotations import Array
-from vjm_updating.constants import numerical, prior_scale
+from vjm_updating.constants import definition, numerical, prior_scale
 from vjm_updating.diagnosis.document import ValueRow
 from vjm_updating.inference.bounded_normal import inverse, log_beyond, truncated_draws
 from vjm_updating.inference.fitting import Fit, LeastSquaresProblem, prior
@@ -315,6 +315,8 @@ LIMITS: Mapping[tuple[bool, bool], str] = {
 STEEPER, NEARER = numerical(4.0), numerical(8)
 """Times what is expected of it, by which the objective rises where its curvature says nothing of an error; and how
 often it is asked nearer then."""
+ALL_ROUND = definition(np.pi / 3.0**0.5)
+"""Standard deviation of an angle of which nothing is known, rad: evenly spread over a whole turn."""
 DIRECTION = "direction_rad"
 """Last word of parameters that are angles all round."""
 
@@ -325,8 +327,7 @@ def estimates(fitter: LeastSquaresProblem, fit: Fit, force: float) -> dict[str, 
     Errors are taken as normal in the fit's own coordinates, where they nearly are; the intervals are of what is
     reported, which may be no straight function of them: a vector's size grows by errors in whatever direction.
     """
-    inflation = _inflation(fitter, fit)
-    covariance = _inverse(fitter, fit) * inflation
+    covariance = covariance_of(fitter, fit)
     push = _beyond_bounds(fitter, fit)
     result: dict[str, ValueRow] = {}
     for i, effect in enumerate(fit.hypothesis):
@@ -347,7 +348,7 @@ def estimates(fitter: LeastSquaresProblem, fit: Fit, force: float) -> dict[str, 
                 slopes[name][k] = (value - values[name]) / h
         block = covariance[np.ix_(own, own)]
         if effect.extent > 1:
-            shrunk = _supported(fitter, fit, own, np.sqrt(np.diag(block)), inflation)
+            shrunk = _supported(fitter, fit, own, np.sqrt(np.diag(block)))
             block = block * np.outer(shrunk, shrunk)
         low, high = (np.array([getattr(fit.parameters[k], end) for k in own]) for end in ("low", "high"))
         bounded, errors = _errors(block, low - z, high - z, push[own])
@@ -357,9 +358,9 @@ def estimates(fitter: LeastSquaresProblem, fit: Fit, force: float) -> dict[str, 
             off = np.array([draw[name] for draw in drawn]) - value
             if name.endswith(DIRECTION):
                 off = np.angle(np.exp(1j * off))
-                if std > np.pi / 3.0**0.5:
-                    # more than that of an angle of which nothing is known: all are as likely
-                    std, off = np.pi / 3.0**0.5, np.linspace(-np.pi, np.pi, len(off))
+                if std > ALL_ROUND:
+                    # more than of an angle of which nothing is known: all are as likely
+                    std, off = ALL_ROUND, np.linspace(-np.pi, np.pi, len(off))
             if bounded and effect.extent == 1:
                 ends = [
                     _with(fit, own, end, i, force)[name] - value for end in (low, high) if np.isfinite(end).all()
@@ -454,15 +455,15 @@ def _rise(fitter: LeastSquaresProblem, fit: Fit, held: Sequence[int]) -> Callabl
     return rise
 
 
-def _supported(fitter: LeastSquaresProblem, fit: Fit, own: Sequence[int], std: Array, inflation: float) -> Array:
+def _supported(fitter: LeastSquaresProblem, fit: Fit, own: Sequence[int], std: Array) -> Array:
     """Share ``(k,)`` of a vector's standard deviations ``(k,)`` by the curvature that the objective supports.
 
-    At such a distance it rises by one, times the ``inflation`` of the noise. Where it rises much more to both
-    sides, and where the vector turns by as much, readings go with a higher power of the component. A bow out of
+    At such a distance it rises by one, times the inflation of the noise. Where it rises much more to both sides,
+    and where the vector turns by as much, readings go with a higher power of the component. A bow out of
     the plane in which a bar buckles changes them by its square, and to first order by nothing. Where the objective
     rises however near, it is not smooth, and the curvature is all that is known.
     """
-    z = fit.evaluation.z[list(own)]
+    z, inflation = fit.evaluation.z[list(own)], _inflation(fitter, fit)
     length, turned = float(np.hypot(*z)), _rise(fitter, fit, own)
     shares = np.ones(len(own))
     for k, index in enumerate(own):

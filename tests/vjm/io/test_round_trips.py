@@ -321,7 +321,7 @@ def check_beam(part: Beam, raw: dict[str, Any]) -> None:
         assert part.compliance is None
 
 
-def test_what_a_description_does_not_tell_of_a_coupling_is_said(tmp_path):
+def test_what_a_description_does_not_tell_of_a_coupling_is_said():
     document = random_document(0)
     for part in document["parts"]:
         if part["kind"] == "coupled":
