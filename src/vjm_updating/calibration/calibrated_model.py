@@ -6,7 +6,7 @@ It is calibrated, or extended by the causes that act.
 from __future__ import annotations
 
 import copy
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -14,8 +14,9 @@ import numpy as np
 
 from vjm.io.files import parse_toml, toml_text
 from vjm.io.model_file import build_chain
+from vjm.model.laws import Tabulated
 from vjm.model.machine import Machine
-from vjm.model.parts import Beam, Joint, RigidOffset, Section
+from vjm.model.parts import Beam, Joint, JointKind, RigidOffset, Section
 from vjm.rotations import Array, rotate_matrix6, shift_compliance
 from vjm_updating.calibration.parameters import split_parts
 from vjm_updating.constants import numerical
@@ -24,11 +25,13 @@ from vjm_updating.diagnosis.document import ValueRow
 from vjm_updating.experiment import Measurement
 from vjm_updating.inference.fitting import Fit, LeastSquaresProblem
 from vjm_updating.inference.instruments import InstrumentScale, InstrumentZero, ThermalDrift
-from vjm_updating.inference.joint_forward import JointHardening, JointThreeSlopes
-from vjm_updating.mechanisms.drives import ActuatorCompliance
-from vjm_updating.mechanisms.effect import Effect, part_table
+from vjm_updating.inference.joint_forward import JointThreeSlopes
+from vjm_updating.mechanisms.contacts import ContactCompliance
+from vjm_updating.mechanisms.drives import ActuatorCompliance, InDrive, compliance_of
+from vjm_updating.mechanisms.effect import Effect, drive, part_table
 from vjm_updating.mechanisms.loads import Gravity, LoadMisalignment
 from vjm_updating.mechanisms.modified_chain import STANDARD_GRAVITY, ModifiedMachine, beam_of
+from vjm_updating.mechanisms.series_elements import AtJoint, Memoryless, SeriesElement
 from vjm_updating.mechanisms.structure import (
     BaseCompliance,
     FootLumping,
@@ -265,7 +268,6 @@ def _write_section(table: dict[str, Any], old: Section, new: Section) -> None:
 FILE = "extended-model.toml"
 WORDS: dict[type[Effect], str] = {
     ActuatorCompliance: "in the drive's compliance",
-    JointHardening: "in the joint's compliance at no load; what it stiffens by is not in the numbers below",
     JointThreeSlopes: "in the joint's law",
     BaseCompliance: "in the mounts before the chain",
     PartCompliance: "in the part's section and matrix",
@@ -279,6 +281,14 @@ WORDS: dict[type[Effect], str] = {
 }
 """Causes that the file's values express, and where."""
 ERRORS = (InstrumentZero, InstrumentScale, ThermalDrift)
+IN_JOINTS = (InDrive, ContactCompliance)
+"""What may sit in a joint's drive."""
+OWN_NUMBERS = (ActuatorCompliance, JointThreeSlopes)
+"""What a file says of a joint by numbers of its own, where nothing else sits in that joint."""
+SHARES = numerical(np.geomspace(1e-4, 1.0, 40))
+"""Of a test's largest load, at which a law is written: neighbours are a quarter apart."""
+SPRING_KEYS = ("compliance_rad_per_Nmm", "compliance_mm_per_N", "stiffness_Nmm_per_rad", "stiffness_N_per_mm")
+"""Of a joint's table, in whose place its law is."""
 
 
 def extended_chain(fitter: LeastSquaresProblem, fit: Fit) -> Machine:
@@ -288,7 +298,11 @@ def extended_chain(fitter: LeastSquaresProblem, fit: Fit) -> Machine:
 
 
 def extended_document(
-    measurement: Measurement, fitter: LeastSquaresProblem, fit: Fit, way: str = "extended"
+    measurement: Measurement,
+    fitter: LeastSquaresProblem,
+    fit: Fit,
+    way: str = "extended",
+    needless: Collection[str] = (),
 ) -> dict[str, Any]:
     """The model document of a fit's machine.
 
@@ -297,6 +311,7 @@ def extended_document(
         fitter: of it.
         fit: of a hypothesis.
         way: in which the model was changed.
+        needless: labels of effects that the readings do not need, see `joint_laws`.
 
     Raises:
         ValueError: the machine is not one that a model file admits.
@@ -315,10 +330,77 @@ def extended_document(
         part = part_table(document, name)
         part["mass_kg"] = float(mass)
         part.get("section", {}).pop("density_kg_per_m3", None)
+    laws = joint_laws(fitter, fit, needless)
     for effect, values in zip(fit.hypothesis, fit.values, strict=True):
-        effect.write(document, machine.nominal, values)
+        if laws.keys().isdisjoint(sites(effect, values, machine)):
+            effect.write(document, machine.nominal, values)
+    for name, law in laws.items():
+        table = part_table(document, name)
+        for key in SPRING_KEYS:
+            table.pop(key, None)
+        slides = next(p.slides for p in machine.nominal.parts if isinstance(p, Joint) and p.name == name)
+        table["law"] = law.table(slides=slides)
     build_chain(document, FILE)
     return document
+
+
+def sites(
+    effect: Effect, values: Sequence[float], machine: ModifiedMachine
+) -> dict[str, tuple[float, SeriesElement]]:
+    """What of an effect sits in joints and has no history, by the joint's name, and the lever at which it does.
+
+    The lever is in mm, and 1 in what slides. A drive before all joints is the actuator, where there is one alone.
+    """
+    if not isinstance(effect, IN_JOINTS):
+        return {}
+    actuators = [p.name for p in machine.nominal.parts if isinstance(p, Joint) and p.kind is JointKind.ACTUATOR]
+    result = {}
+    for element in effect.elements(machine, values):
+        if not isinstance(element.law, Memoryless):
+            continue
+        if isinstance(element.place, AtJoint):
+            result[element.place.joint] = element.place.lever, element
+        elif len(actuators) == 1 and machine.drive_axis is not None and element.place == drive(machine):
+            result[actuators[0]] = 1.0, element
+    return result
+
+
+def joint_laws(fitter: LeastSquaresProblem, fit: Fit, needless: Collection[str] = ()) -> dict[str, Tabulated]:
+    """Laws of joints by name: the joint's spring, and in series with it all of a fit that has no history.
+
+    A joint has none where its own numbers say it, see `OWN_NUMBERS`, and where no law does: beside a 6×6, and where
+    the deflection does not grow with the load, as behind a free travel with rigid ends. A law is known up to the
+    largest load of the test. It counts from where the joint stands unloaded. Effects that are ``needless``, by
+    their labels, are not in it; a spring that is needless in the place of the joint's own is a straight one.
+    """
+    machine: ModifiedMachine = fitter.forward.machine(fit.parameters, fit.evaluation.z, fit.hypothesis)
+    found: dict[str, list[tuple[InDrive | ContactCompliance, float, SeriesElement]]] = {}
+    for effect, values in zip(fit.hypothesis, fit.values, strict=True):
+        if not isinstance(effect, IN_JOINTS) or (effect.label in needless and not effect.in_place_of):
+            continue
+        for name, (lever, element) in sites(effect, values, machine).items():
+            found.setdefault(name, []).append((effect, lever, element))
+    result = {}
+    for name, own in found.items():
+        joint = next(p for p in machine.nominal.parts if isinstance(p, Joint) and p.name == name)
+        straight = all(isinstance(e, OWN_NUMBERS) or e.label in needless for e, _, _ in own)
+        if joint.matrix is not None or (len(own) == 1 and straight):
+            continue
+        lever = own[0][1]
+        force = max(e.drive.force if isinstance(e, InDrive) else e.force for e, _, _ in own)
+        N = force * np.concatenate([-SHARES[::-1], [0.0], SHARES])
+        replaced = any(effect.in_place_of == name for effect, _, _ in own)
+        if joint.law is None or replaced:
+            u = (compliance_of(joint) if joint.law is None else 1.0 / joint.law.largest_stiffness) * N * lever
+        else:
+            u = np.array([joint.law.deflection(load) for load in (N * lever).tolist()])
+        for _, _, element in own:
+            assert isinstance(element.law, Memoryless)
+            u = u + element.law.function(N)[0] / lever
+        u, loads = u - u[len(SHARES)], N * lever
+        if (np.diff(u) > 0.0).all():
+            result[name] = Tabulated(tuple(map(float, u)), tuple(map(float, loads)))
+    return result
 
 
 def extended_text(
@@ -330,13 +412,13 @@ def extended_text(
         ValueError: the machine is not one that a model file admits.
     """
     document = extended_document(measurement, fitter, fit)
-    machine: ModifiedMachine = fitter.forward.machine(fit.parameters, fit.evaluation.z, fit.hypothesis)
-    notes = [f"Verdict: {verdict}.", *_causes(fit, estimates, machine)]
+    notes = [f"Verdict: {verdict}.", *_causes(fitter, fit, estimates)]
     return model_text(measurement, document, notes, "Extended", "diagnose")
 
 
-def _causes(fit: Fit, estimates: Mapping[str, ValueRow], machine: ModifiedMachine) -> list[str]:
-    lines = []
+def _causes(fitter: LeastSquaresProblem, fit: Fit, estimates: Mapping[str, ValueRow]) -> list[str]:
+    machine: ModifiedMachine = fitter.forward.machine(fit.parameters, fit.evaluation.z, fit.hypothesis)
+    laws, lines = joint_laws(fitter, fit), []
     for effect, values in zip(fit.hypothesis, fit.values, strict=True):
         own = ", ".join(
             f"{name.partition('.')[2]} = {e.words}"
@@ -344,7 +426,9 @@ def _causes(fit: Fit, estimates: Mapping[str, ValueRow], machine: ModifiedMachin
             if name.startswith(f"{effect.cause}.")
         )
         said = f"{effect.label}: {own}; " if own else f"{effect.label}: "
-        lines.append(said + _where(effect, values, machine) + ".")
+        inside = [name for name in sites(effect, values, machine) if name in laws]
+        where = f"in the law of {', '.join(inside)}" if inside else _where(effect, values, machine)
+        lines.append(f"{said}{where}.")
     return lines
 
 
@@ -359,6 +443,8 @@ def _where(effect: Effect, values: Sequence[float], machine: ModifiedMachine) ->
         return f"of the test, not of the machine: a command says --axis {','.join(f'{v:.6g}' for v in tilted)}"
     if isinstance(effect, ActuatorCompliance) and not effect.is_written(machine.nominal, values):
         return "not in the numbers below: the joint's matrix is rigid in a direction askew to its axis"
+    if sites(effect, values, machine):
+        return "not in the numbers below: the joint has a 6×6 compliance, or stops at an end that no law has"
     if isinstance(effect, ERRORS):
         return "an error of the instrument, not in the numbers below"
     return words or "not in the numbers below: a chain of springs has no word for it"

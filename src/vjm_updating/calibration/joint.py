@@ -43,7 +43,8 @@ from vjm_updating.inference.fitting import Fit, LeastSquaresProblem
 from vjm_updating.inference.joint_forward import JointCompliance, JointForward, JointHardening, JointThreeSlopes
 from vjm_updating.inference.parameters import uncertain
 from vjm_updating.inference.refit import begun_anew, refit
-from vjm_updating.mechanisms.effect import part_table
+from vjm_updating.mechanisms.contacts import ActuatorBacklash
+from vjm_updating.mechanisms.effect import Effect, part_table
 from vjm_updating.result import CalibrationResult
 
 KINK = numerical(3)
@@ -214,15 +215,21 @@ def _parameters(measurement: Measurement, values: Mapping[str, ValueRow]) -> lis
 
 
 def _model(measurement: Measurement, fitter: LeastSquaresProblem, fit: Fit, document: Calibration) -> str:
-    """The model with the joint's law, or its compliance at no load; its other laws stand in the head."""
-    text = extended_document(measurement, fitter, fit, "calibrated")
-    law = "law" in part_table(text, measurement.drive.name)
-    notes = []
-    for row in document.parameters:
-        name, said = row.name.rpartition(".")[2], "not in the numbers below"
-        if name == "stiffness":
-            said = "in the joint's compliance"
-        elif law and name in StrainWave.keys(slides=False):
-            said = "in the joint's law"
-        notes.append(f"{row.name} = {row.value:.6g} ± {row.std:.2g} {row.unit}: {said}.")
+    """The model with the joint's law, or its compliance where readings need no more; friction is in the head."""
+    joint, rows = measurement.drive.name, {row.name.rpartition(".")[2]: row for row in document.parameters}
+    sizes: dict[type[Effect], str] = {JointHardening: "stiffness_ratio", ActuatorBacklash: "backlash"}
+    # a size that reaches nothing, which is 1 of a ratio
+    reached = {name for name, row in rows.items() if row.interval95[0] <= row.nominal <= row.interval95[1]}
+    needless = [effect.label for effect in fit.hypothesis if sizes.get(type(effect)) in reached]
+    text = extended_document(measurement, fitter, fit, "calibrated", needless)
+    law = part_table(text, joint).get("law")
+    inside = {"stiffness"} if law is None else {*StrainWave.keys(slides=False), "stiffness", "stiffness_ratio"}
+    if not any(isinstance(e, ActuatorBacklash) and e.label in needless for e in fit.hypothesis):
+        inside |= {"backlash"}
+    where = f"in the joint's {'compliance' if law is None else 'law'}"
+    notes = [
+        f"{row.name} = {row.value:.6g} ± {row.std:.2g}{'' if row.unit == '1' else ' ' + row.unit}: "
+        f"{where if name in inside else 'not in the numbers below'}."
+        for name, row in rows.items()
+    ]
     return model_text(measurement, text, notes)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from vjm_updating.constants import shown
 from vjm_updating.diagnosis.document import CandidateRow, CriticalPointRow, Diagnosis, ValueRow
 from vjm_updating.experiment.data_file import POSE, WRENCH
+from vjm_updating.inference.significance import NORMAL_95
 
 ANY_DIRECTION = shown(1.8)
 """Standard deviation, rad, of a direction of which nothing is known: evenly spread over a whole turn, π/√3."""
@@ -38,6 +39,11 @@ def lines(diagnosis: Diagnosis) -> list[str]:
             f"held-out {g.split}: {g.rmse_before:.3g} {g.unit} before, {g.rmse_after:.3g} {g.unit} after "
             f"({g.before_in_sigma:.2f} and {g.after_in_sigma:.2f} of the noise)"
         )
+        if g.after_in_sigma > NORMAL_95 * g.expected_in_sigma:
+            result.append(
+                f"  a right model would reach {g.expected_in_sigma:.2f} of the noise: a law of these causes is "
+                "off, or something more acts"
+            )
     for fold in diagnosis.gain.folds if diagnosis.gain is not None else ():
         result.append(
             f"  {fold.name}, {fold.readings} readings: {fold.rmse_before:.3g} before, {fold.rmse_after:.3g} after"

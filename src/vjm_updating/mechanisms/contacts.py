@@ -23,10 +23,12 @@ class ContactCompliance(Effect):
     """``x = x₁ (|N|/1000 N)^p`` with the sign of N; Hertz's p is 2/3.
 
     Attributes:
+        force: largest of the test, N.
         part: ``actuator``, or ``joints`` for those of the only link; the link's name where there are several.
         link: name of the link along which the joints' contact is; empty: the only one.
     """
 
+    force: float = 1000.0
     part: str = "actuator"
     link: str = ""
     cause = "contact_compliance"
@@ -60,8 +62,11 @@ class ContactCompliance(Effect):
 
 def contact_compliance_effects(scene: ExperimentContext) -> list[Effect]:
     """In the drive's bearings, and in those of each link's joints."""
-    effects: list[Effect] = [ContactCompliance("actuator")] if scene.machine.drive_axis is not None else []
-    return [*effects, *(ContactCompliance(part or "joints", link) for part, link in scene.places(jointed=True))]
+    effects: list[Effect] = [ContactCompliance(scene.force)] if scene.machine.drive_axis is not None else []
+    return [
+        *effects,
+        *(ContactCompliance(scene.force, part or "joints", link) for part, link in scene.places(jointed=True)),
+    ]
 
 
 HERTZ = prior_scale(2.0 / 3.0)

@@ -14,7 +14,8 @@ from vjm_updating.experiment import measurement as reading
 from vjm_updating.inference.fitting import Fit
 from vjm_updating.inference.forward import Forward, observe_ramps
 from vjm_updating.inference.parameters import coordinates, nuisance_coordinates, start
-from vjm_updating.mechanisms.drives import ActuatorCompliance
+from vjm_updating.mechanisms.contacts import ActuatorBacklash, ContactCompliance
+from vjm_updating.mechanisms.drives import ActuatorCompliance, ActuatorHardening, DriveAsymmetry, DriveSite
 from vjm_updating.mechanisms.hysteresis import Creep
 from vjm_updating.mechanisms.loads import Gravity, LoadMisalignment
 from vjm_updating.mechanisms.structure import (
@@ -71,6 +72,7 @@ def curve(model: Path, posture: str, to: float, *options: str) -> tuple[np.ndarr
     return np.linalg.norm(shift, axis=1), force
 
 
+DRIVE = DriveSite(force=8000.0)
 CASES = {
     "bow": ((LinkBow(),), [(0.3, -0.9)], 12, ()),
     "base": ((BaseCompliance(),), [(3e-5, 2.0, 0.5, 1e-3, 1.0, 1.0)], 12, ()),
@@ -86,6 +88,15 @@ CASES = {
     "weight": ((Gravity(),), [(1.5,)], 12, ("--gravity=0,0,-9.80665",)),
     "weight of foot and bar": ((Gravity(foot=0.3),), [(1.5, 0.2)], 12, ("--gravity=0,0,-9.80665",)),
     "tilt": ((LoadMisalignment(),), [(0.05, -0.02)], 12, ("--axis",)),
+    "a drive that stiffens": ((ActuatorHardening(force=8000.0, drive=DRIVE),), [(3.0, 2e-5, 1.5)], 12, ()),
+    "backlash in a soft drive": (
+        (ActuatorCompliance(), ActuatorBacklash(force=8000.0, drive=DRIVE)),
+        [(2e-5,), (0.08, 0.0, 300.0, 0.2)],
+        12,
+        (),
+    ),
+    "a drive softer in push": ((DriveAsymmetry(drive=DRIVE),), [(2.0, 3e-5)], 12, ()),
+    "a contact in the drive": ((ContactCompliance(force=8000.0),), [(0.02, 0.6)], 12, ()),
     "bow on a base": ((LinkBow(), BaseCompliance()), [(-1.5, 0.2), (2e-5, 1.0, 1.0, 1.0, 1.0, 1.0)], 12, ()),
 }
 

@@ -16,6 +16,7 @@ from helpers.joint_rig import SHEET, Joint, write
 from scipy.optimize import brentq
 
 from vjm.io.findings import Grade, ImplausibleError
+from vjm.io.model_file import load_chain
 from vjm_updating.calibration.joint import JointSolution
 from vjm_updating.calibration.run import fit_row
 from vjm_updating.diagnosis.kinds import JointTest, joint_effects
@@ -154,14 +155,38 @@ def test_a_cell_that_is_off_is_in_the_interval(tmp_path):
     assert abs(row.value - 1e7) < STANDARD_ERRORS * row.std
 
 
+@pytest.mark.parametrize(
+    "joint",
+    [
+        Joint(stiffness=8e6, gap=4e-4),
+        pytest.param(Joint(cubic=2e11), marks=pytest.mark.slow),
+        pytest.param(ALL, marks=pytest.mark.slow),
+    ],
+    ids=["backlash", "cubic spring", "all"],
+)
+@pytest.mark.parametrize("command", [pytest.param(diagnose, marks=pytest.mark.slow), calibrate_joint])
+def test_the_model_file_turns_as_the_joint_does(tmp_path, joint, command):
+    """By the law of the file under loads, within twice the cell's scale, 0.5 %, and the gauge's noise."""
+    command(*write(tmp_path, joint, 3), tmp_path / "out")
+    (model,) = (tmp_path / "out").glob("*.toml")
+    (elbow,) = load_chain(model).moving
+    loads = np.array([-5e4, -2e4, -5e3, 5e3, 2e4, 5e4])
+    turned = np.array([elbow.law.deflection(load) for load in loads])
+    true = np.array([joint.angle(load) for load in loads])
+    off = 2.0 * np.hypot(0.005 * np.abs(true), 2e-6)
+    assert (np.abs(turned - true) < off).all()
+    # the model that was measured is not that near
+    assert (np.abs(1e-7 * loads - true) > 2.0 * off).any()
+
+
 @pytest.mark.slow
-def test_the_model_gets_the_stiffness_at_no_load(tmp_path):
-    document = calibrate_joint(*write(tmp_path, ALL, 3), tmp_path / "out")
+def test_a_straight_spring_stays_a_number(tmp_path):
+    document = calibrate_joint(*write(tmp_path, Joint(friction=2500.0), 3), tmp_path / "out")
     text = (tmp_path / "out" / MODEL).read_text()
     (elbow,) = (part for part in tomllib.loads(text)["parts"] if part["name"] == "elbow")
+    assert "law" not in elbow
     assert 1.0 / elbow["compliance_rad_per_Nmm"] == pytest.approx(by_name(document)["stiffness"].value, rel=1e-9)
-    assert "elbow.backlash" in text
-    assert "not in the numbers below" in text
+    assert re.search("elbow.friction.*: not in the numbers below", text)
     assert (tmp_path / "out" / DOCUMENT).is_file()
 
 

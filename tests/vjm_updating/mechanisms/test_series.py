@@ -160,7 +160,7 @@ def test_a_play_that_ends_in_contacts_is_nearer_to_a_play_than_to_a_contact(mach
         return float(np.sqrt(np.mean(found.fun**2))), found.x
 
     play, values = off(ActuatorBacklash(force=1000.0), [0.02, 0.0, 10.0, 0.1])
-    contact, _ = off(ContactCompliance("actuator"), [0.02, 0.5])
+    contact, _ = off(ContactCompliance(), [0.02, 0.5])
     # thousandths of a millimetre: less than a gauge's noise, against as much as the ends yield by
     assert play < 0.2
     assert contact > 10.0 * play
