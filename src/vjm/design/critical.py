@@ -53,6 +53,19 @@ SYMMETRIC = 1e-6
 """Of a null vector's work by the loads, over the loads' size, below which a critical point is a bifurcation."""
 
 
+class NoCriticalLoadError(ValueError):
+    """A machine loses its stability at no factor on its loads, as far as was looked.
+
+    Attributes:
+        beyond: a critical factor, if there is one, is larger.
+    """
+
+    def __init__(self, said: str, beyond: float) -> None:
+        """Say it."""
+        super().__init__(said)
+        self.beyond = beyond
+
+
 @dataclass(frozen=True)
 class _LoadedMachine(Directions):
     """A machine whose state and loads are moved about.
@@ -139,8 +152,8 @@ def _linear_factor(asked: Question, first: LinearState) -> float:
     machine.
 
     Raises:
-        ValueError: the loads neither deflect the machine nor take stiffness from it, or it moves without
-            straining a spring.
+        NoCriticalLoadError: the loads neither deflect the machine nor take stiffness from it.
+        ValueError: it moves without straining a spring.
     """
     machine = _machine(asked, first)
     forces = machine.along(first.x, 0.0, machine.zero, 1.0, machine.lacks)
@@ -162,15 +175,16 @@ def _linear_factor(asked: Question, first: LinearState) -> float:
     factors: Any
     with np.errstate(divide="ignore", invalid="ignore"):
         # the pencil costs six times as much, and is needed where motions have no stiffness without the loads
-        factors = eigvals(A, -G) if Z.size or first.free else 1.0 / eigvals(np.linalg.solve(A, -G))
+        factors = eigvals(A, -G) if Z.size else 1.0 / eigvals(np.linalg.solve(A, -G))
     straight = np.isfinite(factors) & (np.abs(factors.imag) <= REAL * np.abs(factors))
     real = factors.real[straight & (factors.real > 0.0)]
     if len(real):
         return float(real.min())
     if np.linalg.norm(forces) <= SUM_ROUNDING / SMALL * machine.load_size:
-        raise ValueError(
+        raise NoCriticalLoadError(
             f"{asked.machine.name}, posture {asked.posture}: the loads move nothing and take no stiffness from the "
-            f"machine: it has no critical load in this direction"
+            f"machine: it has no critical load in this direction",
+            np.inf,
         )
     return 1.0 / machine.size(way)
 
@@ -283,13 +297,14 @@ def critical_state(asked: Question) -> CriticalState:
     """The first critical point as the wrench and the loads grow; the weight stays.
 
     Raises:
-        ValueError: there is no load that could grow, or none is critical up to the last of `REACHES`.
+        NoCriticalLoadError: none is critical up to the last of `REACHES`.
+        ValueError: there is no load that could grow.
         NoConvergenceError: the path to it could not be followed.
     """
     if not asked.acting:
         raise ValueError("no load can grow to a critical one: give a wrench or a load")
     first = state_of(under(asked, 0.0))
-    linear = _linear_factor(asked, first)
+    linear = _linear_factor(asked, first.in_contact if first.free else first)
     where = f"{asked.machine.name}, posture {asked.posture}"
     loads = tuple(replace(load, ramped=True) for load in asked.acting)
     for reach in REACHES:
@@ -307,7 +322,7 @@ def critical_state(asked: Question) -> CriticalState:
                 f"their path ended: {path.stopped}"
             )
     else:
-        raise ValueError(f"{where}: no critical load up to {case.to:.4g} times the loads")
+        raise NoCriticalLoadError(f"{where}: no critical load up to {case.to:.4g} times the loads", case.to)
     end = held(first.model, case)
     x = end.alone(event.point.state[: end.model.size])
     return _solved(asked, x, event.point.ramp, event.multiplicity, where)

@@ -18,6 +18,7 @@ import numpy as np
 from scipy.optimize import Bounds, NonlinearConstraint, minimize
 
 from vjm.design.changes import STEP, difference
+from vjm.design.critical import NoCriticalLoadError
 from vjm.design.linear_state import Question
 from vjm.design.sensitivity import UNLOADED, DesignQuantity, derivative_at, value_at
 from vjm.design.space import DesignCase, DesignSpace, HeldTool
@@ -248,7 +249,8 @@ class Optimum(Outcome):
         space: of the machines; with the standard parts that were chosen.
         bounds: ``(k, 2)`` of the numbers.
         of: what was made best.
-        limits: on other quantities.
+        limits: on other quantities. A critical load that is not found counts as what it is at least: the factor up
+            to which none is.
         values: of the numbers ``(k,)``.
         objective: its value there, in the case that is worst for it, or the weighted mean over the cases.
         quantities: values of the bounded quantities, in the order of the limits, each in its worst case.
@@ -448,7 +450,7 @@ class _Machines:
         return f"{self._label}{' '.join(value.hex() for value in row.tolist())}"
 
     def value(self, row: Array, of: AskedQuantity, case: int) -> float:
-        """A quantity; nan where there is none."""
+        """A quantity, of a critical load that is not found what it is at least; nan where there is none."""
         return float(
             self._evaluations.value(self._named(row), f"{case} {of}", lambda: [self._value(row, of, case)])[0]
         )
@@ -457,6 +459,8 @@ class _Machines:
         question = self._question(row, case)
         try:
             return float("nan") if question is None else value_in(self._space, row, question, of)
+        except NoCriticalLoadError as none:
+            return min(none.beyond, FAR)
         except (ValueError, NoConvergenceError):
             return float("nan")
 
@@ -483,7 +487,6 @@ class _Machines:
             return np.full(len(row), np.nan)
         if of.quantity is DesignQuantity.COST:
             return np.array([difference(partial(self._cost, row, k), STEP)[0] for k in range(len(row))])
-        side = -1.0 if value_at(question, *of) < 0.0 else 1.0
         key = row.tobytes(), case
         if key not in self._parameters:
             # quantities of a case share its changed machines, which are found by their parameter
@@ -495,6 +498,7 @@ class _Machines:
         # at the edge of its reach the tool cannot follow a change, by which the mass changes all the same
         parameters = freed if of.quantity in UNLOADED else held
         try:
+            side = -1.0 if value_at(question, *of) < 0.0 else 1.0
             return side * np.array([derivative_at(question, p, *of) * p.value for p in parameters])
         except (ValueError, NoConvergenceError):
             return np.full(len(row), np.nan)

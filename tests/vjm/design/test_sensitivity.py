@@ -48,6 +48,7 @@ KEYS = (
     "shoulder.compliance_rad_per_Nmm", "elbow.compliance_rad_per_Nmm", "upper.length_mm",
     "upper.section.width_mm", "fore.section.wall_mm", "fore.section.density_kg_per_m3", "tool.mass_kg",
 )  # fmt: skip
+TUBE = Section(1e8, 1e12, 1e12, 1e12)
 DIFFERENCES = 1e-6
 """Of the largest relative derivative: of equilibria solved to 1e-11, over a step of 1e-3, and of h⁴."""
 
@@ -205,6 +206,15 @@ def test_a_cantilever_in_closed_form(cantilever):
 
 
 @pytest.mark.slow
+@pytest.mark.filterwarnings("error")
+def test_a_path_that_begins_within_a_clearance_has_no_critical_load_to_look_for():
+    parts = (Joint("a", AXES["z"], law=vjm.DeadZone(2e6, 2e-3)), Beam("arm", 500.0, section=TUBE))
+    machine = Machine("loose", parts, postures={"home": np.zeros(0)}, held={"home": {"a": 0.0}})
+    for way in (-10.0, 10.0):
+        with pytest.raises(vjm.NoConvergenceError, match="'a' is free within its clearance"):
+            critical_state(loaded_posture(machine, "home", wrench=(way, 0.0, 0.0, 0.0, 0.0, 0.0)))
+
+
 def test_the_critical_load_of_a_cantilever_in_closed_form(cantilever):
     """Euler's π² E I / 4 L² in both planes: by the length −2, by the compliance −1, by one of two stiffnesses ½."""
     chain = cantilever()
@@ -393,8 +403,7 @@ def test_what_cannot_be_solved_again_says_why():
 
 
 def arm() -> Machine:
-    tube = Section(1e8, 1e12, 1e12, 1e12)
-    parts = (Joint("drive", AXES["z"], fixed=True, compliance=1e-6), Beam("link", 400.0, section=tube))
+    parts = (Joint("drive", AXES["z"], fixed=True, compliance=1e-6), Beam("link", 400.0, section=TUBE))
     return Machine("arm", parts, postures={"home": np.zeros(0)})
 
 
