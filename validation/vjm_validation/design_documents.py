@@ -30,6 +30,7 @@ from vjm_validation.documents import (
     ShareRow,
     SharesRow,
     StiffnessDocument,
+    UnderLoads,
 )
 from vjm_validation.page_content import ReportTable
 
@@ -314,7 +315,7 @@ class SweepRow(Row):
     cases: list[SweepCase]
 
 
-class SweepDocument(Row):
+class SweepDocument(UnderLoads):
     """What ``validate sweep --json`` prints."""
 
     model: str
@@ -419,7 +420,7 @@ class OptimumLimit(Row):
     """Whether the optimum reaches it."""
 
 
-class OptimumDocument(Row):
+class OptimumDocument(UnderLoads):
     """What ``validate optimise --json`` prints."""
 
     model: str
@@ -464,7 +465,7 @@ class FrontPoint(Row):
     confirmed: list[ConfirmedRow] = Field([])
 
 
-class FrontDocument(Row):
+class FrontDocument(UnderLoads):
     """What ``validate optimise --against --json`` prints."""
 
     model: str

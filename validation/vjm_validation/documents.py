@@ -15,7 +15,14 @@ from vjm_output.documents import DoubtRow, Matrix, Row, doubt_rows
 from vjm_validation.metrics import PathMetrics, YieldRow, finite
 
 
-class BucklingDocument(Row):
+class UnderLoads(Row):
+    """A document of what a machine does under loads."""
+
+    loads: list[str] = Field([])
+    """What acts on the machine, in words: wrenches on its end, loads on its parts, its weight."""
+
+
+class BucklingDocument(UnderLoads):
     """What ``validate buckling --json`` prints."""
 
     model: str
@@ -101,7 +108,7 @@ class SharesRow(Row):
     parts: list[ShareRow]
 
 
-class StiffnessDocument(Row):
+class StiffnessDocument(UnderLoads):
     """What ``validate stiffness --json`` prints."""
 
     model: str
@@ -168,7 +175,7 @@ class ModeRow(Row):
     """Motions of the stations, the largest being one."""
 
 
-class ModesDocument(Row):
+class ModesDocument(UnderLoads):
     """What ``validate modes --json`` prints."""
 
     model: str
@@ -218,7 +225,7 @@ class SensitivityRow(Row):
     """Whether it moves a point of the unloaded machine, as a length does."""
 
 
-class SensitivityDocument(Row):
+class SensitivityDocument(UnderLoads):
     """What ``validate sensitivity --json`` prints."""
 
     model: str
@@ -360,7 +367,7 @@ def curve_document(path: Path, doubts: Iterable[Finding] = ()) -> CurveDocument:
     )
 
 
-class MapRowsDocument(Row):
+class MapRowsDocument(UnderLoads):
     """What ``validate map --json`` prints: every pose with its values."""
 
     model: str

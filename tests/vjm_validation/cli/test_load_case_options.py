@@ -490,3 +490,26 @@ def test_a_pdf_without_a_chromium_is_refused_before_anything_is_computed(tmp_pat
     monkeypatch.setattr("vjm_validation.cli.all.chromium", lambda: "")
     assert "--pdf: no Chromium is installed" in refused("all", "--pdf", "--out", tmp_path / "run")
     assert not (tmp_path / "run").exists()
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("stiffness", "planar-2r", "--posture=stretched"),
+        ("modes", "planar-2r", "--number=1"),
+        ("sensitivity", "planar-2r", "--by=upper.length_mm"),
+        ("sweep", "planar-2r", "--vary=tool.mass_kg=1:2:2"),
+        ("map", "planar-2r", "--grid=shoulder=0:1:2", "--quantity=deflection"),
+    ],
+    ids=lambda words: words[0],
+)
+def test_a_result_says_under_which_loads_it_is(tmp_path, words):
+    out = (f"--out={tmp_path / 'map'}",) if words[0] == "map" else ()
+    loads = ("--wrench=0,-5,0,0,0,0", "--gravity=0,-9.81,0", "--load=upper@0.5:1,0,0")
+    document = json_of(*words, *loads, *out)
+    assert document["loads"] == [
+        "wrench 0,-5,0,0,0,0 N, N mm on the end",
+        "load upper@0.5:1,0,0 N, N mm",
+        "weight by 0,-9.81,0 m/s²",
+    ]
+    assert f"Under {'; '.join(document['loads'])}." in validate(*words, *loads, *out).out

@@ -231,7 +231,9 @@ def sensitivity_(
         posture=label, wrench=six_or_none("--wrench", wrench), gravity=acting.acceleration, loads=acting.parsed,
         end=end, engine=solver, factors=SOUGHT,
     )  # fmt: skip
-    document = sensitivity_document(result).model_copy(update={"doubts": doubt_rows(doubts)})
+    document = sensitivity_document(result).model_copy(
+        update={"doubts": doubt_rows(doubts), "loads": acting.words(wrench)}
+    )
     output.show(document, lambda: sensitivity_content(document))
     return NOT_ACCEPTED if any(row.verification.doubtful for row in result.rows) else OK
 
@@ -303,6 +305,7 @@ def sweep_(
         store.write()
     assert space.engine is not None
     document = sweep_document(sweep, machine.name, machine.sha256, space.engine.label, doubt_rows(doubts))
+    document = document.model_copy(update={"loads": acting.words(*wrench)})
     output.show(document, lambda: sweep_content(document))
     if csv is not None and not output.json:
         terminal.console().print(str(csv), soft_wrap=True)
@@ -459,6 +462,7 @@ def front_(
     search: FrontSearch,
     doubts: Sequence[Finding],
     output: Output,
+    loads: Sequence[str],
     *,
     confirm: bool,
 ) -> int:
@@ -472,7 +476,7 @@ def front_(
     except KeyboardInterrupt:
         terminal.error("interrupted before any machine of the front was found")
         return INTERRUPTED
-    document = _document(search, front, doubts, confirm=confirm)
+    document = _document(search, front, doubts, confirm=confirm).model_copy(update={"loads": [*loads]})
     output.show(document, lambda: front_content(document))
     if front.interrupted:
         terminal.error("interrupted: these are the machines so far")
@@ -578,7 +582,7 @@ def optimise_(
     doubts = considered(model, output.strict, weighed=bool(acting.gravity))
     if second:
         search = FrontSearch(space, bounds, chosen, (objective, second[0]), limits, points, starts, state)
-        return front_(search, doubts, output, confirm=confirm)
+        return front_(search, doubts, output, acting.words(*wrench), confirm=confirm)
     optimum: Optimum | None = None
     try:
         with terminal.progress(quiet=output.json) as progress:
@@ -622,6 +626,7 @@ def optimise_(
         confirmed=confirmed_rows(optimum) if confirm and not optimum.interrupted else [],
         interrupted=optimum.interrupted,
         doubts=doubt_rows(doubts),
+        loads=acting.words(*wrench),
     )
     written: list[Path] = []
     if out is not None:

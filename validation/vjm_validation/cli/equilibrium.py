@@ -108,7 +108,9 @@ def stiffness_(
             )
             for label in labels
         ]  # fmt: skip
-    document = stiffness_document(result).model_copy(update={"doubts": doubt_rows(doubts), "shares": rows})
+    document = stiffness_document(result).model_copy(
+        update={"doubts": doubt_rows(doubts), "shares": rows, "loads": acting.words(wrench)}
+    )
 
     def told(console: Console) -> None:
         tables.stiffness(console, document)
@@ -176,7 +178,9 @@ def modes_(
         machine, label, number=number, wrench=six_or_none("--wrench", wrench), displacement=held,
         gravity=acting.acceleration, loads=acting.parsed, end=end, engine=solver,
     )  # fmt: skip
-    document = modes_document(result).model_copy(update={"doubts": doubt_rows(doubts)})
+    document = modes_document(result).model_copy(
+        update={"doubts": doubt_rows(doubts), "loads": acting.words(wrench)}
+    )
     output.show(document, lambda: modes_content(result, document, number))
     return OK
 

@@ -28,6 +28,7 @@ from vjm_updating.maps.output import Difference, write_difference, write_map, wr
 from vjm_updating.maps.run import MOST_N, REFINED, Map, MapResult, check_mapped, run_map
 from vjm_validation.cli import INTERRUPTED
 from vjm_validation.cli.options import (
+    ActingLoads,
     GravityOption,
     LoadOption,
     acceleration,
@@ -269,12 +270,12 @@ def map_(
             f"interrupted; what is finished is in {folder}: the same command with --out {folder} goes on"
         )
         return INTERRUPTED
-    return _said(maps, files, left_out, doubts, output)
+    return _said(maps, files, left_out, doubts, ActingLoads(gravity, load), output)
 
 
 def _said(
     maps: Sequence[Mapped], files: Sequence[Path], left_out: Sequence[str], doubts: Sequence[Finding],
-    output: ImageOutput,
+    acting: ActingLoads, output: ImageOutput,
 ) -> int:  # fmt: skip
     """What maps hold, in some lines or as a document."""
 
@@ -284,7 +285,11 @@ def _said(
         for line in (*map(str, files), *left_out):
             console.print(line, soft_wrap=True)
 
-    documents = [map_document(each.result, each.difference, each.files, doubts) for each in maps]
+    documents = []
+    for each in maps:
+        on_end = ",".join(f"{v:g}" for v in each.setting.wrench) if any(each.setting.wrench) else None
+        one = map_document(each.result, each.difference, each.files, doubts)
+        documents.append(one.model_copy(update={"loads": acting.words(on_end)}))
     whole = documents[0] if len(documents) == 1 else MapsDocument(maps=documents)
     output.show(whole, lambda: content(maps, files), told)
     if output.json:

@@ -224,6 +224,14 @@ class ActingLoads:
         """The loads on parts; see `parsed_load`."""
         return [parsed_load(text) for text in self.load]
 
+    def words(self, *wrenches: str | None) -> list[str]:
+        """What acts, with wrenches on the end, as people read it."""
+        return [
+            *(f"wrench {text} N, N mm on the end" for text in wrenches if text),
+            *(f"load {text} N, N mm" for text in self.load),
+            *([f"weight by {self.gravity} m/s²"] if self.gravity else []),
+        ]
+
 
 NO_LOADS = ActingLoads()
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, ClassVar
 
@@ -17,6 +17,7 @@ from vjm_output.documents import Row, as_json
 from vjm_output.optional_drawing import why_no_page
 from vjm_validation.cli import UsageError
 from vjm_validation.cli.options import Json, Strict
+from vjm_validation.documents import UnderLoads
 from vjm_validation.page_content import Content
 
 LINES, IMAGES, PAGES = (".png", ".svg"), (".png",), (".html", ".htm")
@@ -66,15 +67,26 @@ class ResultOutput:
         """Print a result as one JSON document or for people, and write its figure and its page.
 
         Args:
-            document: the result.
+            document: the result; of one under loads these are said, too.
             content: makes what is printed, drawn and written.
             told: prints something else for people.
         """
+        loads = document.loads if isinstance(document, UnderLoads) else []
+        under = [f"Under {'; '.join(loads)}."] if loads else []
+
+        def whole() -> Content:
+            made = content()
+            return replace(made, lines=[*made.lines, *under])
+
         if self.json:
             sys.stdout.write(as_json(document))
+        elif told is None:
+            whole().print(terminal.console())
         else:
-            (told or (lambda console: content().print(console)))(terminal.console())
-        self.draw(content)
+            told(terminal.console())
+            for line in under:
+                terminal.console().print(line, soft_wrap=True, highlight=False)
+        self.draw(whole)
 
     def draw(self, content: Callable[[], Content]) -> None:
         """Write the figure and the page that are asked for, and name them where no document is printed."""

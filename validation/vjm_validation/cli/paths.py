@@ -268,7 +268,7 @@ def buckling_(
     yields = yield_rows(chain, part_tables(model), [(a, str(b), c) for a, b, c in cases], paths)
     document = BucklingDocument(
         model=chain.name, model_sha256=chain.sha256, version=__version__, chain=metrics, yields=yields,
-        doubts=doubt_rows(doubts),
+        doubts=doubt_rows(doubts), loads=acting.words(),
     )  # fmt: skip
 
     def told(console: Console) -> None:
