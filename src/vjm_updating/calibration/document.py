@@ -61,6 +61,7 @@ class NuisanceRow(Row):
     value: float
     std: float
     sheet_std: float
+    counted_std: float = Field(description="that of the prior: larger where the fit takes it beyond the sheet's")
     from_data: float = Field(description="share of the information that is the readings'")
 
 

@@ -37,6 +37,7 @@ from vjm_updating.calibration.document import (
 )
 from vjm_updating.calibration.fit import (
     MISFIT,
+    ROUNDS,
     CalibrationProblem,
     CalibrationSolution,
     Identifiability,
@@ -130,6 +131,8 @@ def _worse(fit: CalibrationSolution, index: int, trial: float, best: float, shif
 # ------------------------------------------------------------------------------------------------------------------
 
 
+WIDENED = numerical(0.1)
+"""Of a tolerance, by which it must change to be found again: an uncertainty is no better known."""
 AT_BOUND = numerical(1.5)
 """Over the lowest z of a rigid drive: below, it is as rigid as can be told."""
 SOURCES = shown(6)
@@ -263,6 +266,7 @@ def nuisance_rows(fit: Solution) -> list[NuisanceRow]:
                     value=own.value(z),
                     std=own.slope(z) * deviation,
                     sheet_std=own.scale,
+                    counted_std=own.scale * own.sigma,
                     from_data=float(np.clip(1.0 - (deviation / own.sigma) ** 2, 0.0, 1.0)),
                 )
             )
@@ -274,6 +278,7 @@ def beyond_tolerance(rows: Sequence[NuisanceRow]) -> list[str]:
     return [
         f"The fit takes {row.name} to {row.value:.3g}, {abs(row.value) / row.sheet_std:.1f} of the sheet's "
         "standard deviations: doubt that tolerance, or what the model says."
+        + (f" It counts as {row.counted_std:.2g} here." if row.counted_std > row.sheet_std else "")
         for row in rows
         if abs(row.value) > MISFIT * row.sheet_std
     ]
@@ -511,7 +516,7 @@ def finished(
     unfit = [] if document.fit.fits else [MISSES]
     unfit += [f"{MISTAKEN}: {one}" for one in columns_mistaken(findings)]
     changed = {"doubts": doubt_rows(findings), "unfit": unfit}
-    models = model_files({CALIBRATED: model}, unfit, force=force)
+    models = model_files({CALIBRATED: model}, unfit, notes=beyond_tolerance(document.nuisances), force=force)
     final = document.model_copy(update=changed if models[CALIBRATED] else changed | {"calibrated_model": ""})
     return CalibrationResult(final, models, page)
 
@@ -528,6 +533,46 @@ def distinguishable_solution(
     Raises:
         vjm.errors.NoConvergenceError: as the solver.
     """
+    return widened(_distinguishable(problem, solver), solver)
+
+
+def widened(
+    solution: CalibrationSolution, solver: Callable[[CalibrationProblem], CalibrationSolution]
+) -> CalibrationSolution:
+    """The same with the tolerances that the fit shows, where it takes some further off than the sheet lets expect.
+
+    What a sheet says of them was then no standard deviation, and uncertainties that rest on it are too small. So
+    the variance is found from the readings as that of residuals is: the mean square of what is likely (expectation
+    and maximisation of a variance component: Dempster, Laird and Rubin, J. R. Stat. Soc. B 39, 1977, p. 1). The
+    machine's of one kind have one, each of the instruments its own.
+    """
+    first = {own.name: own.sigma for own in solution.problem.unknowns.nuisances}
+    for _ in range(ROUNDS):
+        unknowns = solution.problem.unknowns
+        groups: dict[tuple[str, str], list[int]] = {}
+        for i, own in enumerate(unknowns.nuisances, start=unknowns.parameters):
+            groups.setdefault((own.kind, own.subject if own.of_instrument else ""), []).append(i)
+        found: dict[int, float] = {}
+        sigma = unknowns.sigma
+        for indices in groups.values():
+            sheet = np.array([first[unknowns.all[i].name] for i in indices])
+            squares = (solution.z[indices] ** 2 + solution.deviation[indices] ** 2) / sheet**2
+            if np.abs(solution.z[indices] / sheet).max() > MISFIT:
+                found |= dict(zip(indices, sheet * max(float(np.sqrt(squares.mean())), 1.0), strict=True))
+        if all(abs(s / sigma[i] - 1.0) < WIDENED for i, s in found.items()):
+            break
+        nuisances = tuple(
+            replace(own, sigma=float(found.get(i, own.sigma)))
+            for i, own in enumerate(unknowns.nuisances, start=unknowns.parameters)
+        )
+        problem = replace(solution.problem, unknowns=replace(unknowns, nuisances=nuisances))
+        solution = replace(solver(problem), refuted=solution.refuted)
+    return solution
+
+
+def _distinguishable(
+    problem: CalibrationProblem, solver: Callable[[CalibrationProblem], CalibrationSolution]
+) -> CalibrationSolution:
     solution = solver(problem)
     if identifiability(solution).separable.all() or (promised := with_promises(problem)) is None:
         return solution

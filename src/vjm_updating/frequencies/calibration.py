@@ -37,6 +37,7 @@ from vjm_updating.calibration.run import (
     identifiability_row,
 )
 from vjm_updating.constants import numerical, stated_level
+from vjm_updating.experiment import Kind
 from vjm_updating.experiment.comparison import Ray
 from vjm_updating.frequencies.forward import FrequencyForward, pairings, probability, skipping, unlikeliness
 from vjm_updating.frequencies.measurement import FrequencyMeasurement
@@ -295,11 +296,13 @@ def _statements(
     assert isinstance(forward, FrequencyForward)
     names = [unknown.name for unknown in fit.problem.unknowns.sought]
     if not any(name.endswith(f".{MASS}") for name in names):
-        known = measurement.sheet.tolerance.mass_rel
+        own = [one for one in fit.problem.unknowns.nuisances if one.kind == Kind.MASS]
+        known = max((one.scale * one.sigma for one in own), default=0.0)
+        words_of = "the sheet's " if all(one.sigma == 1.0 for one in own) else ""
         words.append(
             "Frequencies tell stiffnesses over masses. "
             + (
-                f"The masses are the model's within the sheet's {known:.2g}, which counts in every uncertainty."
+                f"The masses are the model's within {words_of}{known:.2g}, which counts in every uncertainty."
                 if known
                 else "The masses are taken to be exactly the model's: [tolerance] mass_rel says how well they are "
                 "known."

@@ -84,6 +84,22 @@ def test_intervals_are_as_wide_as_the_readings_scatter(tmp_path):
         assert 5.0 * 0.4 < wide[name].std / exact[name].std < 5.0 * 1.6
 
 
+@pytest.mark.parametrize("payload", [0.0, 0.5])
+def test_a_mass_beyond_its_tolerance_widens_what_rests_on_it(tmp_path, payload):
+    """A tool of half a kilogram that nobody told of, where the sheet knows masses to 1 %: frequencies see masses' ratios."""
+    noise = NOISE * np.random.default_rng(2).standard_normal((4, 4))
+    files = write(tmp_path, truth(payload=payload) + noise, more="[tolerance]\nmass_rel = 0.01")
+    document = calibrate(*files, tmp_path / "out")
+    rows = by_name(document)
+    for name, nominal, factor in zip(NAMES, COMPLIANCE, FACTORS, strict=True):
+        row = rows[f"{name}.compliance"]
+        assert row.interval95[0] < nominal * factor < row.interval95[1], name
+        # a hundredth as all masses: where all are as the sheet says, compliances are known as well
+        assert (row.std < 0.012 * row.value) == (payload == 0.0)
+    text = (tmp_path / "out" / CALIBRATED).read_text()
+    assert ("doubt that tolerance" in text) == (payload > 0.0)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("gone", [(1, 1, 1, 1), (1, 0, 2, 1)])
 def test_a_mode_that_was_not_seen(tmp_path, gone):

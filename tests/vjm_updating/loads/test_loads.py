@@ -212,11 +212,14 @@ def test_a_promise_that_the_readings_refute_does_not_count(tmp_path):
 
 def test_a_nuisance_beyond_its_tolerance_is_said():
     rows = [
-        NuisanceRow(name="modulus tube", unit="1", value=value, std=0.01, sheet_std=0.02, from_data=0.5)
+        NuisanceRow(
+            name="modulus tube", unit="1", value=value, std=0.01, sheet_std=0.02, counted_std=0.1, from_data=0.5
+        )
         for value in (-0.18, 0.05)
     ]
     (words,) = beyond_tolerance(rows)
     assert words.startswith("The fit takes modulus tube to -0.18, 9.0 of the sheet's standard deviations")
+    assert words.endswith("It counts as 0.1 here.")
 
 
 @pytest.mark.slow
