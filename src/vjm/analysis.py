@@ -300,10 +300,11 @@ def of_free_end(
     try:
         K0, C0 = _of_end(equilibrium_of(asked.unloaded, model, compliance=True), index, rigid0)
     except NoConvergenceError as error:
-        if not laws:
+        held = held_by_itself(chain, posture)
+        if held and not laws:
             raise
         K0, C0 = np.full((6, 6), np.nan), np.full((6, 6), np.nan)
-        laws += (f"there is no unloaded stiffness: {error}",)
+        laws += (f"there is no unloaded stiffness: {error if held else 'the loads alone hold the machine'}",)
     pulls = dict(zip((spring.name for spring in chain.point_springs), model.pulls(x).tolist(), strict=True))
     return LoadedStiffness(
         model=chain.name,
@@ -506,14 +507,14 @@ def stiffness(
         wrench: ``(6,)`` on the free end-effector, dead; N and N mm, world axes.
         engine: as for `trace`.
         options: likewise.
-        gravity: ``(3,)`` m/s², world axes: the parts have their weight. This and what follows is for machines that
-            carry their free end, arms and trees, and not for an imposed displacement.
+        gravity: ``(3,)`` m/s², world axes: the parts have their weight. This and what follows is for a free end,
+            and not for an imposed displacement.
         loads: on parts.
         end: name of the end frame; the first if left out.
 
     Raises:
         ValueError: both are given, or not six numbers, no such posture, end frame or part, the engine computes no
-            6×6 stiffness, or weight and loads are for a machine that cannot carry them.
+            6×6 stiffness, or takes no weight and loads.
         NoConvergenceError: there is no stable equilibrium; the message says how far it came.
 
     Example:
@@ -532,16 +533,17 @@ def stiffness(
     machine, label = in_posture(machine, posture or _labels(machine)[0])
     solver = _solver(machine, engine, options)
     if displacement is None and isinstance(solver, VjmEngine):
-        if held_by_itself(machine, label):
+        # what its weight or its loads hold stands by itself too, as a rod that hangs
+        if held_by_itself(machine, label) or gravity is not None or loads or end:
             return of_free_end(machine, solver, label, values, gravity=gravity, loads=loads, end=end)
         if wrench is not None and gravity is None and not loads and not end and not machine.is_tree:
             # it is a mechanism by its passive joints: Newton on the free end goes where no straight path does
             return under_wrench(machine, solver, label, values)
     if gravity is not None or loads or end:
-        why = "has passive joints or another engine" if displacement is None else "is held at the displacement"
+        why = f"{solver.label} takes none" if displacement is None else "the displacement holds the end"
         raise ValueError(
-            f"gravity, loads and an end frame are for machines that carry their free end by vjm; {machine.name} "
-            f"{why}: follow a load case (`validate curve`)"
+            f"gravity, loads and an end frame are for a free end and engines vjm: {why}: follow a load case "
+            "(`validate curve`)"
         )
     try:
         return _traced(machine, solver, label, control, values)

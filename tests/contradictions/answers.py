@@ -58,7 +58,6 @@ REASONS = (
         "out of reach",
         "a beam would be longer than it is, or shorter than nothing",
     ),
-    Reason(r"for machines that carry their free end", "", "passive joints leave the free end a mechanism"),
 )
 """Every refusal that may stand beside an answer of another command. Any other refusal is a failure."""
 

@@ -15,6 +15,8 @@ import pytest
 import vjm
 import vjm_updating
 from vjm.analysis import rigid_wrenches
+from vjm.design.linear_state import loaded_posture
+from vjm.design.sensitivity import DesignQuantity, value_at
 from vjm.engines import VjmEngine
 
 PUBLIC = [name for name in vjm.__all__ if not name.startswith("_")]
@@ -130,8 +132,29 @@ def test_an_arm_carries_wrench_weight_and_loads():
     assert np.allclose(found.loaded @ found.loaded_compliance, np.eye(6), atol=1e-8)
     heavy = vjm.stiffness(arm, "stretched", gravity=(0.0, -9.81, 0.0))
     assert heavy.torques["shoulder"] > 0.0 == heavy.wrench[1]
-    with pytest.raises(ValueError, match="machines that carry their free end"):
+    with pytest.raises(vjm.NoConvergenceError, match="no equilibrium under these loads"):
         vjm.stiffness(vjm.load("orthoglide-chain"), gravity=(0.0, 0.0, -9.81))
+
+
+def test_a_rod_that_hangs_on_a_free_joint_is_held_by_its_weight():
+    """A pendulum's stiffness is that of the weight: half of the rod's counts at its tip."""
+    tube = vjm.Section(EA=2.2e7, GJ=4.1e8, EIy=5.5e8, EIz=5.5e8, mass=8.5e-4)
+    turned = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])
+    rod = vjm.Beam("rod", 1000.0, section=tube, own_frame=turned)
+    bob = vjm.RigidOffset("bob", np.eye(4), 3.0, np.zeros(3))
+    pin = vjm.Joint("pin", np.array([0.0, 1.0, 0.0]), passive=True)
+    hanging = vjm.Machine("pendulum", (pin, rod, bob), postures={"down": np.zeros(1)})
+    weight = (0.0, 0.0, -9.81)
+    found = vjm.stiffness(hanging, "down", gravity=weight)
+    # the rod bends a little under its own weight: (m g L²/EI)² of the whole
+    assert 1.0 / found.loaded_compliance[0, 0] == pytest.approx((3.0 + 0.85 / 2.0) * 9.81 / 1000.0, rel=1e-4)
+    assert np.isnan(found.unloaded).all()
+    assert "there is no unloaded stiffness: the loads alone hold the machine" in found.laws
+    # as its sensitivity has it
+    asked = loaded_posture(hanging, "down", gravity=weight)
+    assert value_at(asked, DesignQuantity.STIFFNESS, "x") == pytest.approx(1.0 / found.loaded_compliance[0, 0])
+    with pytest.raises(vjm.NoConvergenceError, match="unstable"):
+        vjm.stiffness(hanging, "down", gravity=(0.0, 0.0, 9.81))
 
 
 def test_an_arm_that_some_wrench_does_not_move_is_infinitely_stiff():

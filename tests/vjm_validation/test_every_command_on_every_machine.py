@@ -114,8 +114,8 @@ REFUSALS = (
         "with all components free it is a mechanism",
     ),
     Refusal(
-        ("stiffness under weight",), CHAIN, "are for machines that carry their free end",
-        "under its weight it is a mechanism; `curve --gravity` has it with the pose held",
+        ("stiffness under weight",), CHAIN, "no equilibrium under these loads",
+        "it has no weight that would hold it; `curve --gravity` has it with the pose held",
     ),
 )  # fmt: skip
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import errno
 import fcntl
+import glob
 import io
 import itertools
 import os
@@ -64,10 +65,13 @@ def write_whole(path: Path, content: str | bytes) -> None:
 def write_together(contents: Mapping[Path, str | bytes]) -> None:
     """Write files that belong together: all of them under temporary names first, so that a full disk leaves none.
 
+    What a process that was killed has left of them under temporary names is removed.
+
     Raises:
         OSError: one of them cannot be written; older files of their names are still as they were.
     """
     written: list[tuple[str, Path]] = []
+    held: list[int] = []
     try:
         for name, content in contents.items():
             if name.exists() and not name.is_file() and not name.is_dir():
@@ -76,9 +80,13 @@ def write_together(contents: Mapping[Path, str | bytes]) -> None:
             # a link stays, and what it leads to is written
             path = Path(os.path.realpath(name))
             path.parent.mkdir(parents=True, exist_ok=True)
+            _remove_left(path)
             handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.", suffix=UNFINISHED)
             written.append((temporary, path))
             with os.fdopen(handle, "wb") as file:
+                # held as long as this process lives
+                held.append(os.dup(handle))
+                fcntl.flock(handle, fcntl.LOCK_EX)
                 file.write(content.encode() if isinstance(content, str) else content)
                 file.flush()
                 # a disk may say only now that it is full
@@ -96,6 +104,18 @@ def write_together(contents: Mapping[Path, str | bytes]) -> None:
         if isinstance(failure, OSError) and failure.filename is None and written:
             failure.filename = str(written[-1][1])
         raise
+    finally:
+        for handle in held:
+            os.close(handle)
+
+
+def _remove_left(path: Path) -> None:
+    """Remove what processes that live no more have left of a file under temporary names."""
+    for left in path.parent.glob(f".{glob.escape(path.name)}.*{UNFINISHED}"):
+        # one that another process holds stays
+        with suppress(OSError), left.open("rb") as file:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            left.unlink()
 
 
 def _pour(device: Path, content: str | bytes) -> None:

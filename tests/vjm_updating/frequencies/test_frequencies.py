@@ -86,7 +86,7 @@ def test_intervals_are_as_wide_as_the_readings_scatter(tmp_path):
 
 @pytest.mark.parametrize("payload", [0.0, 0.5])
 def test_a_mass_beyond_its_tolerance_widens_what_rests_on_it(tmp_path, payload):
-    """A tool of half a kilogram that nobody told of, where the sheet knows masses to 1 %: frequencies see masses' ratios."""
+    """Half a kilogram that nobody told of, where masses are known to 1 %: frequencies see their ratios."""
     noise = NOISE * np.random.default_rng(2).standard_normal((4, 4))
     files = write(tmp_path, truth(payload=payload) + noise, more="[tolerance]\nmass_rel = 0.01")
     document = calibrate(*files, tmp_path / "out")

@@ -1,6 +1,7 @@
 """Full disks, read-only folders and kill -9: nothing is half-written, nothing finished is lost."""
 
 import errno
+import fcntl
 import importlib
 import json
 import os
@@ -51,6 +52,16 @@ def test_of_files_that_belong_together_a_full_disk_leaves_all_or_none(number, tm
         write_together(contents)
     assert {file.name for file in tmp_path.iterdir()} == {"a"}
     assert (tmp_path / "a").read_text() == "older"
+
+
+def test_what_a_killed_process_left_of_a_file_goes_with_the_next_writing(tmp_path):
+    """Also where it was killed: its lock went with it. What another process still writes stays."""
+    for name in (".a.json.1.unfinished", ".a.json.2.unfinished", ".b.json.3.unfinished"):
+        (tmp_path / name).write_text("half")
+    with (tmp_path / ".a.json.2.unfinished").open() as other:
+        fcntl.flock(other, fcntl.LOCK_EX)
+        write_whole(tmp_path / "a.json", "whole")
+    assert {file.name for file in tmp_path.iterdir()} == {"a.json", ".a.json.2.unfinished", ".b.json.3.unfinished"}
 
 
 def test_a_full_disk_is_one_line_and_leaves_no_curve(tmp_path, monkeypatch):

@@ -137,7 +137,7 @@ def stiffness(console: Console, document: StiffnessDocument) -> None:
         console.print(f"springs between points pull with, N: {words}", soft_wrap=True)
     for law in document.laws:
         console.print(law, soft_wrap=True, highlight=False)
-    rigid = document.stiffness_loaded is None or document.stiffness_unloaded is None
+    rigid = document.stiffness_loaded is None
     for table, matrix in zip(stiffness_tables(document), _matrices(document).values(), strict=True):
         console.print(table.for_terminal())
         K = np.array(matrix)
