@@ -645,7 +645,8 @@ def equilibrium_of(
         raise
     equilibrium = equilibrium if x is None else found(x)
     if not equilibrium.converged[0]:
-        raise NoConvergenceError(f"{chain.name}, posture {asked.posture}: no equilibrium under these loads")
+        loaded = "under these loads" if asked.acting or asked.gravity is not None else "without loads"
+        raise NoConvergenceError(f"{chain.name}, posture {asked.posture}: no equilibrium {loaded}")
     return equilibrium
 
 

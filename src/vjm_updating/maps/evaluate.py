@@ -31,7 +31,7 @@ from vjm_updating.constants import numerical, shown
 NO_COMPLIANCE = numerical(1e-12)
 """Over the largest of a block: compliance that is none. Between that of a soft drive and of a stiff bearing lie
 seven decades, and rounding is four below these."""
-OK, LOST, UNSTABLE = "ok", "no equilibrium under these loads", "the equilibrium is unstable"
+OK, LOST, UNSTABLE = "ok", "no equilibrium", "the equilibrium is unstable"
 
 
 class MapQuantity(StrEnum):

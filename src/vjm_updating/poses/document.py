@@ -361,10 +361,7 @@ def lines(calibration: PoseCalibration) -> list[str]:
         result.append(f"not asked, for {calibration.not_asked_for}: {', '.join(calibration.not_asked)}")
     result += _not_known(calibration)
     if not (diagnosis and diagnosis.verdict == "unknown"):
-        members = [
-            m for one in calibration.families for m in one.members if m.identifiable and "compliance" in m.name
-        ]
-        result += [f"  {m.name} = {m.value:.4g} ({interval(m)}) {m.unit}" for m in members[:SHOWN]]
+        result += _members(calibration)
         result += _intervals_are(calibration)
     result += of_asked(calibration)
     result += _written(calibration.written, "" if diagnosis else BY_FORCE)
@@ -374,6 +371,20 @@ def lines(calibration: PoseCalibration) -> list[str]:
         for one in calibration.next_postures
     ]
     return [*result, f"next: {diagnosis.next}"] if diagnosis else result
+
+
+def _members(calibration: PoseCalibration) -> list[str]:
+    """The numbers that the postures know: compliances, then of other families what is surely not nothing."""
+    known = [m for one in calibration.families for m in one.members if m.identifiable]
+    soft = [m for m in known if "compliance" in m.name]
+    others = [m for m in known if m not in soft and not m.within_series95[0] <= 0.0 <= m.within_series95[1]]
+    others.sort(key=lambda m: -abs(m.value) / max(m.std, 1e-300))
+    result = []
+    for members in (soft, others):
+        result += [f"  {m.name} = {m.value:.4g} ({interval(m)}) {m.unit}" for m in members[:SHOWN]]
+        more = len(members) - SHOWN
+        result += [f"  and {more} more, which the document has"] if more > 0 else []
+    return result
 
 
 def interval(row: MemberRow) -> str:
