@@ -153,7 +153,7 @@ def with_mistakes(document: Diagnosis, mistakes: Sequence[Mistake]) -> Diagnosis
     if findings.trusted:
         # found before anything was fitted, and named where the readings without it leave noise alone
         rows_of = [CauseRow(cause=cause, probability=1.0, share=None, word=Word.ACTS) for cause in causes]
-        findings = findings.model_copy(update={"causes": [*rows_of, *findings.causes]})
+        findings = findings.model_copy(update={"causes": [*rows_of, *findings.causes], "nothing": 0.0})
         document = document.model_copy(update={"findings": findings.model_copy(update={"words": words(findings)})})
     undone = "undone before anything was fitted: " + ", ".join(TITLES[cause] for cause in causes)
     residual = "; ".join(text for text in (document.residual, undone) if text)

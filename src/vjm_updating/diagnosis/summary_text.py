@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from vjm_updating.constants import shown
-from vjm_updating.diagnosis.document import CandidateRow, CriticalPointRow, Diagnosis, ValueRow
+from vjm_updating.diagnosis.document import SURE, CandidateRow, CriticalPointRow, Diagnosis, ValueRow
 from vjm_updating.experiment.data_file import POSE, WRENCH
 from vjm_updating.inference.significance import NORMAL_95
 
@@ -26,9 +26,8 @@ def lines(diagnosis: Diagnosis) -> list[str]:
     if diagnosis.noise is not None and diagnosis.noise.outliers:
         result.append(f"outliers, which do not count: {diagnosis.noise.outliers} of the samples")
     for candidate in diagnosis.candidates:
-        result.append(
-            f"  {' + '.join(candidate.places or placed(candidate))}, probability {candidate.probability:.2f}"
-        )
+        where = [_or_elsewhere(diagnosis, place) for place in candidate.places] or placed(candidate)
+        result.append(f"  {' + '.join(where)}, probability {candidate.probability:.2f}")
         for name, value in candidate.parameters.items():
             result.append(f"    {name} = {_text(name, value)}")
     if diagnosis.candidates and diagnosis.verdict != "none":
@@ -61,6 +60,17 @@ def lines(diagnosis: Diagnosis) -> list[str]:
         n = diagnosis.next_experiment
         result.append(f"next: posture {n.posture}, {n.path}: {n.why}")
     return result
+
+
+def _or_elsewhere(diagnosis: Diagnosis, place: str) -> str:
+    """A place of a cause, with the others in which it may be as well."""
+    for row in diagnosis.findings.causes:
+        places = {each.place: each.probability for each in row.places}
+        if places.get(place, 1.0) < SURE:
+            # in two places at once both are sure
+            others = (other for other, p in places.items() if other != place and 1.0 - SURE <= p < SURE)
+            return " or ".join([place, *others])
+    return place
 
 
 def placed(candidate: CandidateRow) -> list[str]:

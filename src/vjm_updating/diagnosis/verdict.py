@@ -27,7 +27,7 @@ from vjm_updating.diagnosis.screening import Projection
 from vjm_updating.diagnosis.search import RIVAL, Search
 from vjm_updating.inference.fitting import Fit, LeastSquaresProblem, weighed
 from vjm_updating.inference.model_error import NODES, WEIGHTS, largest, smooth_shapes
-from vjm_updating.inference.significance import NORMAL_95, RARER
+from vjm_updating.inference.significance import LAW_ERROR, NORMAL_95, RARER
 from vjm_updating.mechanisms.effect import Effect
 
 # --- The hypothesis that a cause acts which no catalogue has: shapes without a name, each kind of its own size
@@ -400,14 +400,20 @@ def _settled(search: Search, best: ScoredModel, strange: float) -> ScoredModel:
 def proved(verdict: Verdict, gain: GainRow) -> Verdict:
     """What the prediction of readings held out makes of a verdict.
 
-    Causes that predict them worse than the sheet's tolerances alone, by more than their scatter, are an accident of
-    the readings fitted. But where what was held out lies so far from the rest that a right model could hardly do
+    Causes that predict them worse than the sheet's tolerances alone, by more than their scatter, are an accident.
+    But where what was held out lies so far from the rest that a right model could hardly do
     better, it proves nothing: readings held out together are wrong together, by one error of a normal distribution.
+
+    Laws are off by a largest share at most, see `vjm_updating.inference.model_error.NODES`. Causes that leave more
+    of what was held out than such laws would are not those that act.
     """
+    causes = " + ".join(sorted(verdict.members[0].causes))
     worse = gain.interval95[1] < 0.0 and gain.after_in_sigma > gain.before_in_sigma
     if worse and gain.after_in_sigma > NORMAL_95 * gain.expected_in_sigma:
-        causes = " + ".join(sorted(verdict.members[0].causes))
         return withdrawn(verdict, f"{causes} fits, but predicts what was held out worse than no cause does")
+    most = float(np.hypot(gain.expected_in_sigma, largest(LAW_ERROR) * gain.before_in_sigma))
+    if gain.after_in_sigma > NORMAL_95 * most:
+        return withdrawn(verdict, f"{causes} fits, but explains hardly anything of what was held out")
     return verdict
 
 
