@@ -531,8 +531,8 @@ class LumpedProblem:
         except np.linalg.LinAlgError:
             return 0.0
         # closures hold the loads back: rounding of that is so much of what the loads could do on the lowest mode
-        most = self._ramped_size**2 / (max(abs(eigenvalue), np.finfo(float).tiny) * self.model.compiled.energy)
-        return 1.0 / work if abs(work) > SUM_ROUNDING * most else float("inf")
+        felt = abs(work) * abs(eigenvalue) * self.model.compiled.energy
+        return 1.0 / work if felt > SUM_ROUNDING * self._ramped_size**2 else float("inf")
 
     @cached_property
     def _ramped_size(self) -> float:
