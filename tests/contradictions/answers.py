@@ -48,7 +48,11 @@ class Reason:
 REASONS = (
     Reason(r"unstable", "unstable", "the equilibrium under the loads is unstable"),
     Reason(r"does not bear its constant loads", "unstable", "springs under stress make the drawn posture unstable"),
-    Reason(r"stability is lost at", "unstable", "the loads are beyond a critical one: a stable state is jumped to"),
+    Reason(
+        r"stability is lost at|the load is greatest at",
+        "unstable",
+        "the loads are beyond a critical one: a stable state is jumped to",
+    ),
     Reason(r"no equilibrium", "no equilibrium", "the loads have no equilibrium near the posture"),
     Reason(r"no force moves the end to first order", "", "the search follows what forces move to first order"),
     Reason(r"nothing deflects", "rigid", "no part of the machine deflects"),

@@ -153,10 +153,10 @@ class BeamStatics(ABC):
             energy: N mm; the turns' typical stiffness where it is not given.
         """
         if energy is None:
-            turning = stiffness[turns]
-            if not np.any(turning > 0.0):
-                # nothing bends or twists: what slides on springs
-                turning = stiffness[~turns] * length**2
+            turning, sliding = stiffness[turns], stiffness[~turns] * length**2
+            if np.max(turning, initial=0.0) <= NEGLIGIBLE**2 * np.max(sliding, initial=0.0):
+                # nothing bends or twists but by rounding: what slides on springs
+                turning = sliding
             energy = float(np.exp(np.mean(np.log(turning[turning > NEGLIGIBLE * np.max(turning)]))))
         plain = energy / np.where(turns, 1.0, length**2)
         return np.sqrt(energy / np.where(stiffness > NEGLIGIBLE * plain, stiffness, plain)), energy
