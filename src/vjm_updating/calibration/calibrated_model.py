@@ -443,7 +443,7 @@ def _where(effect: Effect, values: Sequence[float], machine: ModifiedMachine) ->
         return f"of the test, not of the machine: a command says --axis {','.join(f'{v:.6g}' for v in tilted)}"
     if isinstance(effect, ActuatorCompliance) and not effect.is_written(machine.nominal, values):
         return "not in the numbers below: the joint's matrix is rigid in a direction askew to its axis"
-    if sites(effect, values, machine):
+    if not words and sites(effect, values, machine):
         return "not in the numbers below: the joint has a 6×6 compliance, or stops at an end that no law has"
     if isinstance(effect, ERRORS):
         return "an error of the instrument, not in the numbers below"

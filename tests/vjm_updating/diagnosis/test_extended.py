@@ -16,6 +16,7 @@ from vjm_updating.inference.forward import Forward, observe_ramps
 from vjm_updating.inference.parameters import coordinates, nuisance_coordinates, start
 from vjm_updating.mechanisms.contacts import ActuatorBacklash, ContactCompliance
 from vjm_updating.mechanisms.drives import ActuatorCompliance, ActuatorHardening, DriveAsymmetry, DriveSite
+from vjm_updating.mechanisms.effect import part_table
 from vjm_updating.mechanisms.hysteresis import Creep
 from vjm_updating.mechanisms.loads import Gravity, LoadMisalignment
 from vjm_updating.mechanisms.structure import (
@@ -191,6 +192,25 @@ def test_a_law_of_the_history_is_named_and_kept_out(fitted):
     assert "# creep.foot: not in the numbers below" in text
     document = extended_document(measurement, fitter, fit)
     assert build_chain(document, FILE).link_segments == 12
+
+
+@pytest.mark.parametrize(
+    ("hypothesis", "values", "said", "has_law"),
+    [
+        ((ActuatorCompliance(),), [(2e-5,)], "actuator_compliance: in the drive's compliance", False),
+        ((ActuatorBacklash(drive=DRIVE),), [(0.08, 0.0, 300.0, 0.2)], "actuator_backlash: in the law of", True),
+        # ends that do not yield: in a drive without a spring the travel stops
+        ((ActuatorBacklash(drive=DRIVE),), [(0.08, 0.0, 100.0, 0.0)], "stops at an end that no law has", False),
+    ],
+    ids=["a compliance", "a travel", "a travel with rigid ends"],
+)
+def test_where_a_drive_has_what_was_found(fitted, hypothesis, values, said, has_law):
+    measurement, fitter, fit = fitted(hypothesis, values)
+    assert said in extended_text(measurement, fitter, fit, "named", {})
+    drive = part_table(extended_document(measurement, fitter, fit), "actuator")
+    assert ("law" in drive) == has_law
+    # what takes the place of a number goes without it
+    assert ("compliance_mm_per_N" in drive) != has_law
 
 
 @pytest.mark.slow
