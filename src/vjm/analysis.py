@@ -35,7 +35,8 @@ from vjm.outcome import (
     rounded,
     table_html,
 )
-from vjm.postures import Posture, in_posture
+from vjm.plain_numbers import finite_numbers
+from vjm.postures import Posture, check_machine, in_posture
 from vjm.rank import NEGLIGIBLE, beyond, null_space, rank_of
 from vjm.rotations import Array, displacement_between, frame
 from vjm.statics import free_stability, loaded_stiffness, solve_under_wrench, unloaded_stiffness
@@ -527,9 +528,7 @@ def stiffness(
     if displacement is not None and wrench is not None:
         raise ValueError("give displacement or wrench, not both: one imposes the other")
     control, given = (WRENCH, wrench) if wrench is not None else (DISPLACEMENT, displacement or (0.0,) * 6)
-    values = tuple(float(value) for value in given)
-    if len(values) != 6 or not np.all(np.isfinite(values)):
-        raise ValueError(f"{control} must be six finite numbers, got {list(given)}")
+    values = finite_numbers(control, given, 6)
     machine, label = in_posture(machine, posture or _labels(machine)[0])
     solver = _solver(machine, engine, options)
     if displacement is None and isinstance(solver, VjmEngine):
@@ -621,6 +620,7 @@ def _solver(machine: Machine, engine: str | Engine, options: EngineOptions) -> E
 
 
 def _labels(machine: Machine) -> list[str]:
+    check_machine(machine)
     return list(machine.postures)
 
 

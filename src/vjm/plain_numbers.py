@@ -1,6 +1,36 @@
-"""Numbers in text as people and files write them: the digits 0 to 9, no more of what Python accepts."""
+"""Numbers as people give them: in text the digits 0 to 9, no more of what Python accepts; vectors, checked."""
 
 from __future__ import annotations
+
+import math
+from typing import Any
+
+IN_WORDS = {3: "three", 6: "six"}
+"""How many numbers a vector has, in words."""
+
+
+def finite_numbers(name: str, values: Any, count: int) -> tuple[float, ...]:  # noqa: ANN401  whatever was given
+    """Numbers of a vector that somebody gave.
+
+    Args:
+        name: of what they are.
+        values: as they were given.
+        count: how many there have to be.
+
+    Raises:
+        ValueError: they are not so many finite numbers; the message says what was given.
+
+    Example:
+        >>> finite_numbers("wrench", [0, -10, 0, 0, 0, 0], 6)
+        (0.0, -10.0, 0.0, 0.0, 0.0, 0.0)
+    """
+    try:
+        numbers = tuple(float(value) for value in values)
+    except (TypeError, ValueError):
+        numbers = ()
+    if len(numbers) != count or not all(map(math.isfinite, numbers)):
+        raise ValueError(f"{name} must be {IN_WORDS[count]} finite numbers, got {values!r}")
+    return numbers
 
 
 def plain_number(word: str) -> float:

@@ -22,6 +22,16 @@ Posture: TypeAlias = str | Mapping[str, float] | Sequence[float]
 """A label; a text of numbers, ``0.1,0.2`` or ``elbow=0.2,shoulder=0.1``; or these as a sequence or by name."""
 
 
+def check_machine(machine: object) -> None:
+    """Refuse what is no machine, such as a model's name.
+
+    Raises:
+        TypeError: it is none.
+    """
+    if not isinstance(machine, Machine):
+        raise TypeError(f"give a machine, as vjm.load gives it, not {machine!r}")
+
+
 def in_posture(machine: Machine, posture: Posture) -> tuple[Machine, str]:
     """A machine that has a posture, and the label under which it has it.
 
@@ -39,6 +49,7 @@ def in_posture(machine: Machine, posture: Posture) -> tuple[Machine, str]:
     Raises:
         ValueError: no such posture, or coordinates that are too few, not finite, in degrees, beyond the joints'
             limits (naming the joint and by how much), or leave passive joints dependent.
+        TypeError: it is no machine, or no posture.
 
     Example:
         >>> import vjm
@@ -46,6 +57,9 @@ def in_posture(machine: Machine, posture: Posture) -> tuple[Machine, str]:
         >>> label, dict(arm.held[label])
         ('0.1,1.2', {'shoulder': 0.1, 'elbow': 1.2})
     """
+    check_machine(machine)
+    if not isinstance(posture, str | Mapping | Sequence | np.ndarray):
+        raise TypeError(f"{machine.name}: a posture is a label or coordinates, not {posture!r}")
     if isinstance(posture, str) and posture in machine.postures:
         return machine, posture
     if machine.closes:

@@ -236,3 +236,20 @@ def test_every_public_name_is_on_the_reference_page(module):
     page = (Path(__file__).parents[2] / "docs/reference/python.md").read_text(encoding="utf-8")
     names = importlib.import_module(module).__all__
     assert [name for name in names if not re.search(rf"\b{module}\.{name}\b", page)] == []
+
+
+@pytest.mark.parametrize(
+    ("given", "error", "said"),
+    [
+        ({"machine": "planar-2r"}, TypeError, "give a machine, as vjm.load gives it, not 'planar-2r'"),
+        ({"posture": 3}, TypeError, "a posture is a label or coordinates, not 3"),
+        ({"wrench": 3.0}, ValueError, "wrench must be six finite numbers, got 3.0"),
+        ({"wrench": (1, None, 0, 0, 0, 0)}, ValueError, "wrench must be six finite numbers"),
+        ({"displacement": "abc"}, ValueError, "displacement must be six finite numbers, got 'abc'"),
+        ({"gravity": (0.0, 0.0)}, ValueError, r"gravity must be three finite numbers, got \(0.0, 0.0\)"),
+    ],
+)
+def test_what_is_of_another_type_is_refused_in_words(given, error, said):
+    machine = given.pop("machine", None) or vjm.load("planar-2r")
+    with pytest.raises(error, match=said):
+        vjm.stiffness(machine, **given)

@@ -34,6 +34,7 @@ from vjm.model.mechanism import (
 )
 from vjm.model.parameters import Parameter
 from vjm.model.springs import LawSpring
+from vjm.plain_numbers import finite_numbers
 from vjm.postures import Posture, in_posture
 from vjm.rank import SUM_ROUNDING, null_space, split
 from vjm.rotations import Array, skew
@@ -156,9 +157,10 @@ def loaded_posture(
     Raises:
         ValueError: not six finite numbers, a held end that is loaded, or no such posture or end frame.
     """
-    for name, values in (("displacement", displacement), ("wrench", wrench)):
-        if values is not None and (len(values) != 6 or not np.all(np.isfinite(values))):
-            raise ValueError(f"{name} must be six finite numbers, got {list(values)}")
+    held = None if displacement is None else finite_numbers("displacement", displacement, 6)
+    on_end = (0.0,) * 6 if wrench is None else finite_numbers("wrench", wrench, 6)
+    if gravity is not None:
+        finite_numbers("gravity", gravity, 3)
     if displacement is not None and (wrench is not None or gravity is not None or loads or end):
         raise ValueError("displacement holds the end in its pose: leave out wrench, gravity, loads and end frame")
     label = posture or next(iter(machine.postures), "")
@@ -170,10 +172,7 @@ def loaded_posture(
         engine = VjmEngine(link, foot)
     if not end and displacement is None:
         end = next(iter(chain.ends), "")
-    return Question(
-        chain, label, engine, None if displacement is None else tuple(float(v) for v in displacement),
-        tuple(float(v) for v in ((0.0,) * 6 if wrench is None else wrench)), gravity, tuple(loads), end,
-    )  # fmt: skip
+    return Question(chain, label, engine, held, on_end, gravity, tuple(loads), end)
 
 
 @dataclass(frozen=True, eq=False)

@@ -32,6 +32,7 @@ from vjm.model.load_case import Load
 from vjm.model.machine import Machine
 from vjm.model.mechanism import Gravity
 from vjm.model.parameters import Parameter
+from vjm.plain_numbers import finite_numbers
 from vjm.postures import Posture, assembled, in_posture
 from vjm.rotations import Array, displacement_between
 
@@ -540,8 +541,7 @@ class LoadCases:
 
     def __post_init__(self) -> None:
         for wrench in self.wrenches:
-            if len(wrench) != 6 or not np.all(np.isfinite(wrench)):
-                raise ValueError(f"wrench must be six finite numbers, got {list(wrench)}")
+            finite_numbers("wrench", wrench, 6)
 
 
 NO_LOADS = LoadCases()

@@ -27,6 +27,7 @@ from vjm.model.load_case import Load
 from vjm.model.machine import Machine
 from vjm.model.mechanism import Gravity, Mechanism
 from vjm.outcome import Outcome
+from vjm.plain_numbers import finite_numbers
 from vjm.postures import Posture, in_posture
 from vjm.rotations import Array
 from vjm_output.documents import DoubtRow, Row, doubt_rows
@@ -432,8 +433,7 @@ def workspace_map(
     """
     quantity = MapQuantity(quantity)
     check_mapped(machine)
-    if wrench is not None and (len(wrench) != 6 or not np.all(np.isfinite(wrench))):
-        raise ValueError(f"wrench must be six finite numbers, got {list(wrench)}")
+    wrench = None if wrench is None else finite_numbers("wrench", wrench, 6)
     unloaded = wrench is None and gravity is None and not loads
     if unloaded and quantity in (MapQuantity.DEFLECTION, MapQuantity.SHARES):
         raise ValueError(f"a map of the {quantity} needs a load: give wrench, gravity or loads")
