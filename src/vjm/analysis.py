@@ -535,7 +535,7 @@ def stiffness(
         # what its weight or its loads hold stands by itself too, as a rod that hangs
         if held_by_itself(machine, label) or gravity is not None or loads or end:
             return of_free_end(machine, solver, label, values, gravity=gravity, loads=loads, end=end)
-        if wrench is not None and gravity is None and not loads and not end and not machine.is_tree:
+        if wrench is not None and not machine.is_tree:
             # it is a mechanism by its passive joints: Newton on the free end goes where no straight path does
             return under_wrench(machine, solver, label, values)
     if gravity is not None or loads or end:

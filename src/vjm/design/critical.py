@@ -292,7 +292,6 @@ class CriticalState:
         return self.rates.limit
 
 
-@lru_cache(maxsize=KEPT)
 def critical_state(asked: Question) -> CriticalState:
     """The first critical point as the wrench and the loads grow; the weight stays.
 
@@ -301,6 +300,22 @@ def critical_state(asked: Question) -> CriticalState:
         ValueError: there is no load that could grow.
         NoConvergenceError: the path to it could not be followed.
     """
+    answer = _remembered(asked)
+    if isinstance(answer, NoCriticalLoadError):
+        raise answer
+    return answer
+
+
+@lru_cache(maxsize=KEPT)
+def _remembered(asked: Question) -> CriticalState | NoCriticalLoadError:
+    """The same, or that there is none, for which the path is as long."""
+    try:
+        return _first_critical(asked)
+    except NoCriticalLoadError as none:
+        return none
+
+
+def _first_critical(asked: Question) -> CriticalState:
     if not asked.acting:
         raise ValueError("no load can grow to a critical one: give a wrench or a load")
     first = state_of(under(asked, 0.0))

@@ -338,8 +338,7 @@ def extended_document(
         table = part_table(document, name)
         for key in SPRING_KEYS:
             table.pop(key, None)
-        slides = next(p.slides for p in machine.nominal.parts if isinstance(p, Joint) and p.name == name)
-        table["law"] = law.table(slides=slides)
+        table["law"] = law
     build_chain(document, FILE)
     return document
 
@@ -365,8 +364,8 @@ def sites(
     return result
 
 
-def joint_laws(fitter: LeastSquaresProblem, fit: Fit, needless: Collection[str] = ()) -> dict[str, Tabulated]:
-    """Laws of joints by name: the joint's spring, and in series with it all of a fit that has no history.
+def joint_laws(fitter: LeastSquaresProblem, fit: Fit, needless: Collection[str] = ()) -> dict[str, dict[str, Any]]:
+    """Tables of laws by joints: the joint's spring, and in series with it all of a fit that has no history.
 
     A joint has none where its own numbers say it, see `OWN_NUMBERS`, and where no law does: beside a 6×6, and where
     the deflection does not grow with the load, as behind a free travel with rigid ends. A law is known up to the
@@ -374,14 +373,14 @@ def joint_laws(fitter: LeastSquaresProblem, fit: Fit, needless: Collection[str] 
     their labels, are not in it; a spring that is needless in the place of the joint's own is a straight one.
     """
     machine: ModifiedMachine = fitter.forward.machine(fit.parameters, fit.evaluation.z, fit.hypothesis)
-    found: dict[str, list[tuple[InDrive | ContactCompliance, float, SeriesElement]]] = {}
+    in_series: dict[str, list[tuple[InDrive | ContactCompliance, float, SeriesElement]]] = {}
     for effect, values in zip(fit.hypothesis, fit.values, strict=True):
         if not isinstance(effect, IN_JOINTS) or (effect.label in needless and not effect.in_place_of):
             continue
         for name, (lever, element) in sites(effect, values, machine).items():
-            found.setdefault(name, []).append((effect, lever, element))
+            in_series.setdefault(name, []).append((effect, lever, element))
     result = {}
-    for name, own in found.items():
+    for name, own in in_series.items():
         joint = next(p for p in machine.nominal.parts if isinstance(p, Joint) and p.name == name)
         straight = all(isinstance(e, OWN_NUMBERS) or e.label in needless for e, _, _ in own)
         if joint.matrix is not None or (len(own) == 1 and straight):
@@ -399,7 +398,8 @@ def joint_laws(fitter: LeastSquaresProblem, fit: Fit, needless: Collection[str] 
             u = u + element.law.function(N)[0] / lever
         u, loads = u - u[len(SHARES)], N * lever
         if (np.diff(u) > 0.0).all():
-            result[name] = Tabulated(tuple(map(float, u)), tuple(map(float, loads)))
+            law = Tabulated(tuple(map(float, u)), tuple(map(float, loads)))
+            result[name] = law.table(slides=joint.slides)
     return result
 
 

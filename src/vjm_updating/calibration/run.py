@@ -552,17 +552,17 @@ def widened(
         groups: dict[tuple[str, str], list[int]] = {}
         for i, own in enumerate(unknowns.nuisances, start=unknowns.parameters):
             groups.setdefault((own.kind, own.subject if own.of_instrument else ""), []).append(i)
-        found: dict[int, float] = {}
+        wider: dict[int, float] = {}
         sigma = unknowns.sigma
         for indices in groups.values():
             sheet = np.array([first[unknowns.all[i].name] for i in indices])
             squares = (solution.z[indices] ** 2 + solution.deviation[indices] ** 2) / sheet**2
             if np.abs(solution.z[indices] / sheet).max() > MISFIT:
-                found |= dict(zip(indices, sheet * max(float(np.sqrt(squares.mean())), 1.0), strict=True))
-        if all(abs(s / sigma[i] - 1.0) < WIDENED for i, s in found.items()):
+                wider |= dict(zip(indices, sheet * max(float(np.sqrt(squares.mean())), 1.0), strict=True))
+        if all(abs(s / sigma[i] - 1.0) < WIDENED for i, s in wider.items()):
             break
         nuisances = tuple(
-            replace(own, sigma=float(found.get(i, own.sigma)))
+            replace(own, sigma=float(wider.get(i, own.sigma)))
             for i, own in enumerate(unknowns.nuisances, start=unknowns.parameters)
         )
         problem = replace(solution.problem, unknowns=replace(unknowns, nuisances=nuisances))

@@ -401,8 +401,8 @@ def proved(verdict: Verdict, gain: GainRow) -> Verdict:
     """What the prediction of readings held out makes of a verdict.
 
     Causes that predict them worse than the sheet's tolerances alone, by more than their scatter, are an accident.
-    But where what was held out lies so far from the rest that a right model could hardly do
-    better, it proves nothing: readings held out together are wrong together, by one error of a normal distribution.
+    But where what was held out lies so far from the rest that a right model could hardly do better, it proves
+    nothing: readings held out together are wrong together, by one error of a normal distribution.
 
     Laws are off by a largest share at most, see `vjm_updating.inference.model_error.NODES`. Causes that leave more
     of what was held out than such laws would are not those that act.

@@ -298,11 +298,11 @@ def _statements(
     if not any(name.endswith(f".{MASS}") for name in names):
         own = [one for one in fit.problem.unknowns.nuisances if one.kind == Kind.MASS]
         known = max((one.scale * one.sigma for one in own), default=0.0)
-        words_of = "the sheet's " if all(one.sigma == 1.0 for one in own) else ""
+        whose = "the sheet's " if all(one.sigma == 1.0 for one in own) else ""
         words.append(
             "Frequencies tell stiffnesses over masses. "
             + (
-                f"The masses are the model's within {words_of}{known:.2g}, which counts in every uncertainty."
+                f"The masses are the model's within {whose}{known:.2g}, which counts in every uncertainty."
                 if known
                 else "The masses are taken to be exactly the model's: [tolerance] mass_rel says how well they are "
                 "known."

@@ -28,13 +28,10 @@ from vjm_updating.maps.output import Difference, write_difference, write_map, wr
 from vjm_updating.maps.run import MOST_N, REFINED, Map, MapResult, check_mapped, run_map
 from vjm_validation.cli import INTERRUPTED
 from vjm_validation.cli.options import (
+    NO_LOADS,
     ActingLoads,
-    GravityOption,
-    LoadOption,
-    acceleration,
     beyond_calibration,
     considered,
-    parsed_load,
 )
 from vjm_validation.cli.pages import IMAGE_OUTPUT, ImageOutput
 from vjm_validation.design_documents import map_document
@@ -204,14 +201,13 @@ def map_(
     ] = (),
     most: Annotated[float, Parameter(help="Largest force tried for a critical one, N.")] = MOST_N,
     posture: Annotated[str, Parameter(help="What the grid leaves out; the first by default.")] = "",
-    gravity: GravityOption = "",
+    acting: ActingLoads = NO_LOADS,
     end: Annotated[str, Parameter(help="Of a tree: name of the end frame.")] = "",
     engine: Annotated[str, Parameter(help="vjm-<n> for n springs a beam; or any of `validate list`.")] = REFINED,
     against: Annotated[str, Parameter(help="Another engine: a map of the difference to it, in %.")] = "",
     jobs: Annotated[int, Parameter(help="Processes; one a core by default.")] = 0,
     scheduler: Annotated[str, Parameter(help="Address of a Dask scheduler instead, such as tcp://host:8786.")] = "",
     out: Annotated[Path | None, Parameter(help="Folder; a map that was cut off goes on there.")] = None,
-    load: LoadOption = (),
     output: ImageOutput = IMAGE_OUTPUT,
 ) -> int:
     """Map a quantity over a manipulator's workspace: CSV, VTK, a figure and a render."""
@@ -228,15 +224,15 @@ def map_(
         raise ValueError("--against: a map of the shares names parts and has no difference in %; leave it out")
     check_mapped(target)
     machine, (label, *_) = in_postures(target, (posture,) if posture else ())
-    doubts = considered(model, output.strict, weighed=bool(gravity) or quantity is MapQuantity.FREQUENCY)
-    loads = tuple(parsed_load(text) for text in load)
+    doubts = considered(model, output.strict, weighed=bool(acting.gravity) or quantity is MapQuantity.FREQUENCY)
+    loads = tuple(acting.parsed)
     settings = [
-        MapSetting(machine, solver, quantity, gravity=acceleration(gravity), loads=loads, end=end, most=most)
+        MapSetting(machine, solver, quantity, gravity=acting.acceleration, loads=loads, end=end, most=most)
         for solver in solvers
     ]
     for setting in settings:
         setting.check()
-    wrenches = [(0.0,) * 6 if not text and (gravity or load) else _wrench(text, quantity) for text in on_end]
+    wrenches = [(0.0,) * 6 if not text and acting != NO_LOADS else _wrench(text, quantity) for text in on_end]
     # any engine stands at the same coordinates
     wanted = parsed_grid(grid, settings[0].model)
     if wanted.read_as:
@@ -270,7 +266,7 @@ def map_(
             f"interrupted; what is finished is in {folder}: the same command with --out {folder} goes on"
         )
         return INTERRUPTED
-    return _said(maps, files, left_out, doubts, ActingLoads(gravity, load), output)
+    return _said(maps, files, left_out, doubts, acting, output)
 
 
 def _said(
