@@ -387,7 +387,7 @@ def joint_laws(fitter: LeastSquaresProblem, fit: Fit, needless: Collection[str] 
             continue
         lever = own[0][1]
         force = max(e.drive.force if isinstance(e, InDrive) else e.force for e, _, _ in own)
-        N = force * np.concatenate([-SHARES[::-1], [0.0], SHARES])
+        N = loads_up_to(force)
         replaced = any(effect.in_place_of == name for effect, _, _ in own)
         if joint.law is None or replaced:
             u = (compliance_of(joint) if joint.law is None else 1.0 / joint.law.largest_stiffness) * N * lever
@@ -396,11 +396,20 @@ def joint_laws(fitter: LeastSquaresProblem, fit: Fit, needless: Collection[str] 
         for _, _, element in own:
             assert isinstance(element.law, Memoryless)
             u = u + element.law.function(N)[0] / lever
-        u, loads = u - u[len(SHARES)], N * lever
-        if (np.diff(u) > 0.0).all():
-            law = Tabulated(tuple(map(float, u)), tuple(map(float, loads)))
+        if (law := tabulated(u, N * lever)) is not None:
             result[name] = law.table(slides=joint.slides)
     return result
+
+
+def loads_up_to(most: float) -> Array:
+    """Loads ``(n,)`` at which a law is written: of both signs and none, the largest as given."""
+    return most * np.concatenate([-SHARES[::-1], [0.0], SHARES])
+
+
+def tabulated(deflections: Array, loads: Array) -> Tabulated | None:
+    """The law of `loads_up_to` and their deflections ``(n,)``, from no load on; None where they do not rise."""
+    u = deflections - deflections[len(SHARES)]
+    return Tabulated(tuple(map(float, u)), tuple(map(float, loads))) if (np.diff(u) > 0.0).all() else None
 
 
 def extended_text(

@@ -14,12 +14,15 @@ from scipy.optimize import nnls
 from vjm.errors import NoConvergenceError
 from vjm.io.fields import Table, Turns, rotation
 from vjm.io.schema import Label
+from vjm.model.laws import Law, Tabulated
 from vjm.rotations import Array, rotation_from_vector, rotation_vector
+from vjm_updating.calibration.calibrated_model import loads_up_to, tabulated
 from vjm_updating.constants import numerical, physical_bound, prior_scale
 from vjm_updating.experiment.data_file import WRENCH, DataTable, beyond_turn
 from vjm_updating.inference.significance import median_sigma
 from vjm_updating.poses.families import (
     DISPLACEMENT,
+    LAWS,
     LOAD,
     MILLIMETRE,
     MILLIRADIAN,
@@ -37,7 +40,7 @@ from vjm_updating.poses.forward import (
     turn_between,
     velocities,
 )
-from vjm_updating.poses.machine import PoseMachine
+from vjm_updating.poses.machine import OWN, PoseMachine
 from vjm_updating.poses.measurement import (
     ANGLES,
     ANGLES_DEG,
@@ -61,7 +64,7 @@ from vjm_updating.poses.measurement import (
     wrenches,
 )
 from vjm_updating.poses.state import Candidates, FittedState, Hypothesis
-from vjm_updating.poses.study import SeriesStudy
+from vjm_updating.poses.study import SeriesStudy, Study
 
 # --- The sheet of a test of ``kind = "deflections"``: the robot, where it is loaded, the markers, what is read ----
 
@@ -396,8 +399,6 @@ def in_base(load: Array, R: Array, tables: Sequence[DeflectionLoadTable]) -> Arr
 # The scale of all loads is one with all compliances, and is not asked.
 
 COMPLIANCES = ("actuator_compliance", "lateral_compliance", "base_compliance", "link_compliance")
-LAWS = ("tension_compression_asymmetry", "actuator_hardening", "actuator_backlash")
-"""What a joint's spring has beyond its compliance, functions of its torque."""
 NOT_SHOWN = ("joint_offset", "frame_error", "gear_error", "encoder_scale", "approach", "tracker_drift", "gravity")
 """Families of poses that a difference of two equilibria does not show, but in the second order."""
 ONE_PERCENT = prior_scale(0.01)
@@ -417,6 +418,47 @@ def members_of_loads(
     return [*springs, *_of_joints(machine, forward, scale), *_zeros(data)]
 
 
+def by_law(family: str, torque: Array, scale: float) -> Array:
+    """What a unit of a family of `LAWS` turns its joint by, at torques ``(n,)`` of root mean square ``scale``.
+
+    Raises:
+        ValueError: it is none of these.
+    """
+    match family:
+        case "tension_compression_asymmetry":
+            return np.abs(torque)
+        case "actuator_hardening":
+            return torque**3
+        case "actuator_backlash":
+            return 0.5 * np.sign(np.where(np.abs(torque) > RESTS * scale, torque, 0.0))
+        case _:
+            raise ValueError(f"{family} is no law of a joint's spring")
+
+
+def law_of_joint(
+    study: Study, joint: str, compliance: float, values: Mapping[str, float], law: Law | None
+) -> Tabulated | None:
+    """The law of a joint's spring, known up to the largest torque of a test; None where it does not rise.
+
+    Args:
+        study: the test.
+        joint: its name.
+        compliance: of a straight spring, rad/(N mm) or mm/N.
+        values: of the members of `LAWS`, by name.
+        law: in series with both.
+    """
+    (c,) = (s.span[0] for s in study.machine.springs if s.part == joint and s.kind == OWN)
+    forwards = [one.forward() for one in study.groups]
+    loaded = [one.loaded if isinstance(one, DeflectionForward) else one for one in forwards]
+    torque = loads_up_to(max(float(np.abs(one.bearing()[:, c]).max()) for one in loaded))
+    turned = compliance * torque
+    if law is not None:
+        turned = turned + [law.deflection(load) for load in torque.tolist()]
+    for family in LAWS:
+        turned = turned + values.get(f"{family}.{joint}", 0.0) * by_law(family, torque, study.torques[c])
+    return tabulated(turned, torque)
+
+
 def _of_joints(machine: PoseMachine, forward: DeflectionForward, scale: Array) -> list[FamilyParameter]:
     """What a joint turns by under the load beyond a linear spring, a function of its torque."""
     result = []
@@ -426,20 +468,18 @@ def _of_joints(machine: PoseMachine, forward: DeflectionForward, scale: Array) -
         if spring.kind != "own" or scale[c] < 1e-3 * scale.max(initial=0.0) or spring.part not in machine.driven:
             continue
         over, before = loaded[:, c], still[:, c]
-        side, side0 = (np.sign(np.where(np.abs(one) > RESTS * scale[c], one, 0.0)) for one in (over, before))
         size, of, by = (MILLIMETRE, "mm", "N") if spring.slides else (MILLIRADIAN, "rad", "(N mm)")
         # values of one scale turn the joint by as much under the root mean square torque, whatever their dimension
-        laws = {
-            "actuator_hardening": (over**3 - before**3, size / scale[c] ** 3, f"{of}/{by}³"),
-            "tension_compression_asymmetry": (np.abs(over) - np.abs(before), size / scale[c], f"{of}/{by}"),
-            "actuator_backlash": (0.5 * (side - side0), size, of),
+        units = {
+            "actuator_hardening": (size / scale[c] ** 3, f"{of}/{by}³"),
+            "tension_compression_asymmetry": (size / scale[c], f"{of}/{by}"),
+            "actuator_backlash": (size, of),
         }
         index = machine.driven[spring.part]
-        result += [
-            value_member(family, spring.part, "", index, scale_of_law, unit, basis)
-            for family, (basis, scale_of_law, unit) in laws.items()
-            if np.any(basis)
-        ]
+        for family, (scale_of_law, unit) in units.items():
+            basis = by_law(family, over, scale[c]) - by_law(family, before, scale[c])
+            if np.any(basis):
+                result.append(value_member(family, spring.part, "", index, scale_of_law, unit, basis))
     return result
 
 

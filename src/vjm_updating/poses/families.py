@@ -100,10 +100,9 @@ TITLES = {
 """What each is, for people."""
 LARGEST = {"gravity": 2.0, "joint_offset": 100.0, "temperature": 10.0}
 """Sizes of families beyond which they are not physical: 20 % of the weights, 100 mrad or 10 mm, 1e-4 per K."""
-SECOND = (
-    "gear_error", "approach", "encoder_scale", "tracker_drift", "temperature", "tension_compression_asymmetry",
-    "actuator_backlash", "actuator_hardening", "instrument_zero",
-)  # fmt: skip
+LAWS = ("tension_compression_asymmetry", "actuator_hardening", "actuator_backlash")
+"""What a joint's spring has beyond its compliance, functions of its torque."""
+SECOND = ("gear_error", "approach", "encoder_scale", "tracker_drift", "temperature", *LAWS, "instrument_zero")
 """Functions of the posture, of the torque or of the clock."""
 
 DRIVES = "actuator_compliance"

@@ -12,15 +12,17 @@ from __future__ import annotations
 
 from collections.abc import Collection
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import assert_never
 
 import numpy as np
 
+from vjm.model.laws import Law, Tabulated
 from vjm.model.machine import Machine
 from vjm.model.mechanism import Mechanism
 from vjm.model.parts import Beam, Closure, Joint, Part, PointSpring, RigidOffset, joint_axes
 from vjm.rotations import AXES, Array, frame
-from vjm_updating.constants import physical_bound
+from vjm_updating.constants import numerical, physical_bound
 
 RIGID = physical_bound(1e-14)
 """rad/(N mm): the compliance of what is thought rigid. A torque of 1e6 N mm turns it by 1e-8 rad: 1e-5 mm at a
@@ -32,6 +34,10 @@ OWN, ACROSS = "own", "across"
 LATERAL = ("first", "second")
 SPRINGS = (*LATERAL, OWN)
 """Labels of a joint's springs: about the two axes across its own, and about or along that."""
+PAIRS = numerical(512)
+"""Of deflection and force that stand for the rest of a law, see `straight_and_rest`: it errs by 1e-4 at most."""
+LEFT = numerical(1e-3)
+"""Share of a law's least compliance that its rest has there: a law has a slope everywhere."""
 SHORTEST_LINK = physical_bound(20.0, "mm")
 """mm: a shorter one has no bending that could be seen."""
 
@@ -234,10 +240,32 @@ class PoseMachine:
         own = 0.0 if OWN in aside or self._at_output else joint.compliance
         lateral = [0.0 if label in aside else c for label, c in zip(LATERAL, joint.lateral, strict=True)]
         at_least = (max(lateral[0], RIGID), max(lateral[1], RIGID))
-        self._append(replace(joint, compliance=max(own, RIGID), lateral=at_least, matrix=None), behind)
+        where, index, law = joint.name, 2, None if OWN in aside or self._at_output else joint.law
+        if law is not None:
+            # the joint's spring is a straight one, and behind that the rest of its law
+            self._refuse_law(joint)
+            where, index, (own, law) = f"{joint.name}~straight", 0, straight_and_rest(law)
+            self._append(Joint(where, joint.axis, joint.slides, compliance=max(own, RIGID)), behind)
+            behind = where
+        compliance = max(own, RIGID) if law is None else 0.0
+        self._append(replace(joint, compliance=compliance, law=law, lateral=at_least, matrix=None), behind)
         for k, label in enumerate(LATERAL):
             self._springs.append((joint.name, ACROSS, label, joint.name, k, lateral[k], False))
-        self._springs.append((joint.name, OWN, OWN, joint.name, 2, own, joint.slides))
+        self._springs.append((joint.name, OWN, OWN, where, index, own, joint.slides))
+
+    def _refuse_law(self, joint: Joint) -> None:
+        """Refuse a law in a joint whose coordinate moves more than its own body.
+
+        Raises:
+            ValueError: it has one.
+        """
+        coupled = [p.coupling.ratios for p in self.chain.moving if p.coupling is not None]
+        followed = {name for ratios in coupled for name, _ in ratios}
+        if joint.coupling is not None or joint.rides_on or joint.name in followed.union(self.chain.pushing):
+            raise ValueError(
+                f"joint '{joint.name}' has a law, and it is coupled with another joint or with a beam: give it a "
+                "constant compliance"
+            )
 
     def _append_link(self, link: RigidOffset, behind: str) -> None:
         along = link.transform[:3, 3]
@@ -268,6 +296,25 @@ class PoseMachine:
         result = np.zeros((len(q), len(self.tree.joints)))
         result[:, [self.tree.joints.index(name) for name in self.joints]] = q
         return result
+
+
+def straight_and_rest(law: Law) -> tuple[float, Law]:
+    """A straight spring and a law that are a law in series, so that the first may be found stiffer or softer.
+
+    It has the compliance that the law has where it is stiffest, rad/(N mm) or mm/N, less what `LEFT` says. A law
+    that has no slope somewhere stays whole, and the straight spring is rigid.
+    """
+    ends = law.curve.knots
+    # straight beyond its knots, from just behind them
+    near = 1e-3 * float(np.ptp(ends))
+    beyond = np.array([ends[0] - 1.0, ends[0] - near, 0.0, ends[-1] + near, ends[-1] + 1.0])
+    count = 1 + -(-PAIRS // max(len(ends) - 1, 1))
+    places = np.unique(np.concatenate([beyond, *(np.linspace(a, b, count) for a, b in pairwise(ends))]))
+    forces = np.where(places == 0.0, 0.0, law.force(places))
+    if not (np.diff(forces) > 0.0).all():
+        return 0.0, law
+    compliance = (1.0 - LEFT) * float(np.min(np.diff(places) / np.diff(forces)))
+    return compliance, Tabulated(tuple(map(float, places - compliance * forces)), tuple(map(float, forces)))
 
 
 def with_coupling(chain: Machine, joint: str, *, as_deflected: bool) -> Machine:

@@ -32,7 +32,7 @@ from vjm_updating.experiment.data_file import (
     converted,
     table_of,
 )
-from vjm_updating.experiment.measurement import model_document, refuse_laws
+from vjm_updating.experiment.measurement import model_document
 from vjm_updating.experiment.readings import check_labels
 from vjm_updating.experiment.sheet import AnySheet
 from vjm_updating.poses.machine import PoseMachine
@@ -610,7 +610,6 @@ def model_of(page: RobotSheet, ends: dict[str, tuple[str, Array]]) -> SheetModel
         # what is said last is from where the stiffness of the drives is
         notes = tuple(robot.notes.changed[-1:]) if drives is not None else ()
     chain = build_chain(content, file, files, may_be_rigid=page.test.rigid)
-    refuse_laws(chain, page.file)
     names = [joint.name for joint in chain.held_joints]
     for column, joint in page.joints.items():
         if joint not in names:

@@ -45,14 +45,13 @@ from vjm_updating.experiment.plausibility import said
 from vjm_updating.inference.significance import CUT, FALSE_ALARMS, MEDIAN_TO_SIGMA, more_than_noise
 from vjm_updating.poses.deflections import (
     COMPLIANCES,
-    LAWS,
     SHIFT,
     DeflectionData,
     DeflectionForward,
     DeflectionStudy,
     springs_to,
 )
-from vjm_updating.poses.families import LARGEST, MILLIRADIAN, SECOND
+from vjm_updating.poses.families import LARGEST, LAWS, MILLIRADIAN, SECOND
 from vjm_updating.poses.fit import solve
 from vjm_updating.poses.forward import Frames, PoseForward
 from vjm_updating.poses.machine import PoseMachine

@@ -273,6 +273,7 @@ class Study(ABC):
     members: list[FamilyParameter]
     families: tuple[str, ...]
     unasked: tuple[NotKnownRow, ...]
+    torques: Array
     prior: Array
     folds: Folds
     frames: Frames

@@ -20,16 +20,18 @@ from vjm.io.findings import Finding, Grade
 from vjm.io.joint_tables import CALIBRATED
 from vjm.io.model_file import build_chain
 from vjm.io.model_plausibility import model_findings
-from vjm.io.robot_text import mjcf_text, urdf_text
+from vjm.io.robot_text import mjcf_leaves_out, mjcf_text, urdf_leaves_out, urdf_text
 from vjm.machine.equilibria import unloaded_frames
 from vjm.model.machine import Machine
 from vjm.model.parts import Joint, joint_axes
 from vjm.plain_numbers import plain_number
 from vjm.postures import tool_postures
 from vjm.rotations import Array
+from vjm_updating.calibration.calibrated_model import xml_comments
 from vjm_updating.constants import numerical, physical_bound, stated_level
+from vjm_updating.poses.deflections import law_of_joint
 from vjm_updating.poses.document import AskedForRow, AskedPlaceRow, MemberRow
-from vjm_updating.poses.families import COMPLIANCE, MASS, SECOND, VALUE
+from vjm_updating.poses.families import COMPLIANCE, DRIVES, LAWS, MASS, SECOND, VALUE
 from vjm_updating.poses.fit import NO_FAMILY, places, solve
 from vjm_updating.poses.held_out import as_good, by_machine
 from vjm_updating.poses.identifiability import DRAWN as COUNT
@@ -55,17 +57,18 @@ from vjm_updating.poses.study import Study
 SMALLEST = physical_bound(10.0 * RIGID)
 """rad/(N mm): a smaller compliance is written as none."""
 URDF, MJCF = "calibrated.urdf", "calibrated.xml"
-NO_WORD = (*SECOND, "link_compliance")
+NO_WORD = (*(family for family in SECOND if family not in LAWS), "link_compliance")
 """Families for which a model file has no word."""
 
 
 def calibrated_document(
     measurement: RobotMeasurement, study: Study, state: FittedState, members: Sequence[MemberRow],
     kept: Collection[str],
-) -> tuple[dict[str, Any], list[str]]:  # fmt: skip
+) -> tuple[dict[str, Any], list[str], set[str]]:  # fmt: skip
     """The model document of a fit with its estimates, and what was found that a model file cannot hold.
 
-    Members that are ``kept`` have the model's own value: what the data do not learn.
+    Members that are ``kept`` have the model's own value: what the data do not learn. Last are the members of
+    joints' laws that are in no law, for with them the deflection would fall where the torque grows.
     """
     document = copy.deepcopy(measurement.model.document)
     # what an earlier calibration said of its own numbers
@@ -99,7 +102,7 @@ def calibrated_document(
                 posture[f"base-turn-{axis}"] = 0.0
             else:
                 posture.insert("xyz".index(axis), 0.0)
-    previous = parts[-1]["name"] if parts else ""
+    previous, in_no_law = parts[-1]["name"] if parts else "", set[str]()
     moved = {"": previous}
     for table in document["parts"]:
         name, behind = table["name"], None
@@ -116,6 +119,10 @@ def calibrated_document(
                     link["after"] = table.pop("after")
                 parts.append(link)
             _compliances(table, joints[name], corrections, judged, rigid=measurement.sheet.test.rigid)
+            families = (DRIVES, *LAWS) if "law" in table else LAWS
+            own = {k: v for family in families if (v := corrections.get(k := f"{family}.{name}", 0.0))}
+            if own and not _law(table, joints[name], study, own):
+                in_no_law.update(own)
             if name in state.hypothesis.as_deflected:
                 as_deflected = study.machine.coupled[name]
                 table["coupling"] = "as commanded" if as_deflected else "as deflected"
@@ -129,13 +136,17 @@ def calibrated_document(
         document["ends"] = {end: moved.get(part, part) for end, part in document["ends"].items()}
     document["name"] = f"{document['name']}-calibrated"
     document["source"] = f"{document['source']}; calibrated by {measurement.data.file}"
-    return document, left_out
+    if in_no_law:
+        joint_names = sorted({name.partition(".")[2] for name in in_no_law})
+        why = "it has a 6×6 compliance, or would deflect less where its torque grows"
+        left_out.append(f"the law of {', '.join(joint_names)}: {why}")
+    return document, left_out, in_no_law
 
 
 def elastic(table: dict[str, Any]) -> bool:
     """Whether a part deflects."""
     lateral, turns, shifts = "lateral_rad_per_Nmm", "compliance_rad_per_Nmm", "compliance_mm_per_N"
-    keys = (turns, shifts, "compliance", "stiffness_Nmm_per_rad", "stiffness_N_per_mm")
+    keys = (turns, shifts, "compliance", "stiffness_Nmm_per_rad", "stiffness_N_per_mm", "law")
     return table["kind"] == "beam" or any(table.get(key) for key in keys) or any(table.get(lateral, ()))
 
 
@@ -163,6 +174,19 @@ def _frame_link(name: str, axis: Array, corrections: dict[str, float], *, slides
     }  # fmt: skip
 
 
+def _law(table: dict[str, Any], joint: Joint, study: Study, values: Mapping[str, float]) -> bool:
+    """Write a joint's law in place of its compliance, unless it has a 6×6 one or its deflection would fall."""
+    key = "compliance_mm_per_N" if joint.slides else "compliance_rad_per_Nmm"
+    if "compliance" in table:
+        return False
+    straight = table.get(key, 0.0) + values.get(f"{DRIVES}.{joint.name}", 0.0)
+    law = law_of_joint(study, joint.name, straight, values, joint.law if "law" in table else None)
+    if law is not None:
+        table.pop(key, None)
+        table["law"] = law.table(slides=joint.slides)
+    return law is not None
+
+
 def _compliances(
     table: dict[str, Any], joint: Joint, corrections: dict[str, float], judged: set[str], *, rigid: bool
 ) -> None:
@@ -179,7 +203,9 @@ def _compliances(
     table["source"] = "compliances calibrated where the data know them" + (
         f"; before: {table['source']}" if table.get("source") else ""
     )
-    if own_name in judged:
+    if rigid and own_name in judged:
+        table.pop("law", None)
+    if own_name in judged and "law" not in table:
         value = (0.0 if rigid else table.get(own_key, 0.0)) + corrections.get(own_name, 0.0)
         if value > SMALLEST:
             table[own_key] = value
@@ -256,19 +282,22 @@ def written(
     kept = _kept(study, state, members)
     file_study, fitted, at_bound = _within_bounds(study, state, kept)
     missed = float(np.sqrt(missed2(first)))
-    state, support = supported(file_study, between(file_study, fitted)[0], missed)
-    rows = estimates(file_study, state)
-    document, left_out = calibrated_document(measurement, file_study, state, rows, kept)
     rigid = not any(elastic(table) for table in measurement.model.document["parts"])
-    if not rigid and not any(elastic(table) for table in document["parts"]):
-        left_out.append(
-            "rigid joints: the model's own compliances are kept, for an elastic model must deflect somewhere"
-        )
-        kept |= {name for name, _ in _springs(study)}
-        file_study, fitted = _as_in_file(study, fitted, kept)
+    left_out = list[str]()
+    while True:
         state, support = supported(file_study, between(file_study, fitted)[0], missed)
         rows = estimates(file_study, state)
-        document, _ = calibrated_document(measurement, file_study, state, rows, kept)
+        document, more, keep = calibrated_document(measurement, file_study, state, rows, kept)
+        left_out += [one for one in more if one not in left_out]
+        if not keep and not rigid and not any(elastic(table) for table in document["parts"]):
+            left_out.append(
+                "rigid joints: the model's own compliances are kept, for an elastic model must deflect somewhere"
+            )
+            keep = {name for name, _ in _springs(study)}
+        if kept.issuperset(keep):
+            break
+        kept |= keep
+        file_study, fitted = _as_in_file(study, fitted, kept)
     text = toml_text(document)
     content = parse_toml(text)
     chain = build_chain(content, "the calibrated model", may_be_rigid=rigid)
@@ -283,9 +312,15 @@ def written(
         unsupported = [name for name in support.row.unsupported if name in learnt]
         support = replace(support, row=support.row.model_copy(update={"unsupported": unsupported}))
     return Written(
-        text, urdf_text(chain), mjcf_text(chain), chain, values, file_study, fitted, state, without, left_out,
-        error, refusals, tuple(at_bound), support,
+        text, _says_what_it_lacks(urdf_text(chain), urdf_leaves_out(chain)),
+        _says_what_it_lacks(mjcf_text(chain), mjcf_leaves_out(chain)), chain, values, file_study, fitted, state,
+        without, left_out, error, refusals, tuple(at_bound), support,
     )  # fmt: skip
+
+
+def _says_what_it_lacks(text: str, lines: Sequence[str]) -> str:
+    """A text in XML with what its format has no word for at its head."""
+    return xml_comments([f"Not in this file: {line}." for line in lines], text)
 
 
 def as_it_stands(study: Study, first: FittedState) -> tuple[Study, FittedState]:
@@ -334,7 +369,8 @@ def _kept(study: Study, state: FittedState, members: Sequence[MemberRow]) -> set
     unlearnt = {
         row.name
         for row in members
-        if (row.at_bound or not row.identifiable) and study.members[asked[row.name]].kind != VALUE
+        if (row.at_bound or not row.identifiable)
+        and ((member := study.members[asked[row.name]]).kind != VALUE or member.family in LAWS)
     }
     return {name for name in own if name not in asked} | {
         name
@@ -345,9 +381,13 @@ def _kept(study: Study, state: FittedState, members: Sequence[MemberRow]) -> set
 
 def _springs(study: Study) -> Iterator[tuple[str, float]]:
     """Members that are springs of joints, by name, and the compliances that the model gives them."""
+    straight = {spring.part: spring.nominal for spring in study.machine.springs if spring.kind == OWN}
     for part in study.machine.chain.parts:
         if isinstance(part, Joint) and not part.passive:
-            yield f"actuator_compliance.{part.name}", 0.0 if study.sheet.at_output else part.compliance
+            own = part.compliance if part.law is None else straight[part.name]
+            if part.law is not None and study.sheet.test.rigid:
+                own = 1.0 / part.law.largest_stiffness
+            yield f"{DRIVES}.{part.name}", 0.0 if study.sheet.at_output else own
             for label, compliance in zip(LATERAL, part.lateral, strict=True):
                 yield f"lateral_compliance.{part.name}.{label}", compliance
 
