@@ -215,7 +215,7 @@ def _joint_test(
     effort, motion = (names[joint.slides or one.straight] for names, one in ((EFFORT, load), (MOTION, gauge)))
     cell = load.instrument
     if cell.noise == 0.0:
-        alike = gauge.instrument.noise / (joint.compliance * abs(arms[0] * arms[1]))
+        alike = gauge.instrument.noise / (joint.compliances[0] * abs(arms[0] * arms[1]))
         cell = cell.model_copy(update={"noise": KNOWN_LOAD * alike})
     thermometer = {name: own for name, own in sheet.instrument.items() if name == TEMPERATURE}
     force_mm, gauge_mm = (
@@ -257,7 +257,8 @@ def _bench(machine: Machine, gravity: Sequence[float] | None, coordinate: float 
     if len(joints) != 1 or machine.beams or machine.is_tree or machine.couplings:
         return None
     (joint,) = joints
-    if not joint.held or joint.fixed or not joint.compliance or any(joint.lateral) or joint.preload:
+    told = joint.sprung and (joint.law is None or joint.law.rises)
+    if not joint.held or joint.fixed or not told or any(joint.lateral) or joint.preload:
         return None
     q = (joint.value or 0.0) if coordinate is None else coordinate
     T, joint_frame, weights = machine.base, machine.base, list[tuple[float, Array]]()

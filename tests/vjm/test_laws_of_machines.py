@@ -11,8 +11,6 @@ import vjm
 from vjm.io.file_parameters import MachineFiles
 from vjm.model.laws import DeadZone, OneSided, Polynomial, StrainWave, Tabulated
 from vjm.model.machine import Machine
-from vjm_updating.experiment.measurement import refuse_laws
-from vjm_updating.experiment.sheet import SheetError
 
 EVERYWHERE = ("x", "y", "z", "rx", "ry", "rz")
 GEAR = StrainWave(3.1e7, 5e7, 5.7e7, 1.4e4, 4.8e4)
@@ -134,8 +132,6 @@ def test_what_cannot_take_a_law_says_so():
         ValueError, match="joint 'elbow': msa does not take laws of springs without a slope at rest"
     ):
         vjm.stiffness(arm(DeadZone(1e7, 2e-3)), wrench=across(1.0), engine="msa")
-    with pytest.raises(SheetError, match="joint 'elbow' has a law, and tests take constant stiffnesses only"):
-        refuse_laws(arm(GEAR), "sheet.toml")
     left_out = vjm.robot_text(arm(GEAR), "urdf").left_out
     assert "the laws of joint 'elbow': a URDF has none" in left_out
 

@@ -15,9 +15,9 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import KW_ONLY, Field, dataclass, field, fields
+from dataclasses import KW_ONLY, Field, dataclass, field, fields, replace
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -257,6 +257,27 @@ class Law(ABC):
     def words(cls) -> list[str]:
         """Names of what it says that is no number."""
         return [each.name for each in fields(cls) if not each.metadata.get("dimension")]
+
+    def softer(self, factor: float) -> Self:
+        """The law with all its deflections times a factor, and the same forces.
+
+        Example:
+            >>> from vjm.model.laws import DeadZone
+            >>> DeadZone(stiffness=1e6, clearance=2e-3).softer(2.0)
+            DeadZone(stiffness=500000.0, clearance=0.004, transition=None)
+        """
+        power = {"stiffness": -1, "stiffness2": -2, "stiffness3": -3, "force": 0, "deflection": 1}
+        changed: dict[str, Any] = {}
+        for each in self._numbers():
+            value, by = getattr(self, each.name), factor ** power[each.metadata["dimension"]]
+            if value is not None:
+                changed[each.name] = tuple(by * v for v in value) if isinstance(value, tuple) else by * value
+        return replace(self, **changed)
+
+    @property
+    def rises(self) -> bool:
+        """Whether the force grows everywhere with the deflection, so that a force tells it."""
+        return bool((self.tangent(self.curve.knots) > 0.0).all())
 
     @property
     def rest_stiffness(self) -> float:

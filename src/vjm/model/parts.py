@@ -218,13 +218,19 @@ class Joint:
 
     @property
     def compliances(self) -> tuple[float, float, float]:
-        """About or along its own axis, and about the two others, see `lateral`."""
-        return self.compliance, *self.lateral
+        """About or along its own axis, of a law where it is stiffest, and about the two others, see `lateral`."""
+        own = self.compliance if self.law is None else 1.0 / self.law.largest_stiffness
+        return own, *self.lateral
 
     def with_compliance(self, which: int, value: float) -> Joint:
-        """The same joint with another value of one of its `compliances`, counted from zero."""
+        """The same joint with another value of one of its `compliances`, counted from zero.
+
+        A law becomes softer or stiffer as a whole.
+        """
+        if which == 0 and self.law is not None:
+            return replace(self, law=self.law.softer(value / self.compliances[0]))
         own, first, second = (value if i == which else c for i, c in enumerate(self.compliances))
-        return replace(self, compliance=own, lateral=(first, second))
+        return replace(self, compliance=own if self.law is None else 0.0, lateral=(first, second))
 
     @property
     def stiffness(self) -> float:

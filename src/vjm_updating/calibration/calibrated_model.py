@@ -164,7 +164,9 @@ def xml_comments(lines: Iterable[str], text: str) -> str:
 
 def _joint(table: dict[str, Any], new: Joint) -> None:
     """What a joint has of compliances, in the keys of its kind."""
-    if new.passive and not new.fixed:
+    if new.law is not None:
+        table["law"] = new.law.table(slides=new.slides)
+    elif new.passive and not new.fixed:
         table["stiffness_N_per_mm" if new.slides else "stiffness_Nmm_per_rad"] = float(new.stiffness)
         return
     if new.compliance > 0.0:
@@ -383,14 +385,14 @@ def joint_laws(fitter: LeastSquaresProblem, fit: Fit, needless: Collection[str] 
     for name, own in in_series.items():
         joint = next(p for p in machine.nominal.parts if isinstance(p, Joint) and p.name == name)
         straight = all(isinstance(e, OWN_NUMBERS) or e.label in needless for e, _, _ in own)
-        if joint.matrix is not None or (len(own) == 1 and straight):
+        replaced = any(effect.in_place_of == name for effect, _, _ in own)
+        if joint.matrix is not None or (len(own) == 1 and straight and (joint.law is None or replaced)):
             continue
         lever = own[0][1]
         force = max(e.drive.force if isinstance(e, InDrive) else e.force for e, _, _ in own)
         N = loads_up_to(force)
-        replaced = any(effect.in_place_of == name for effect, _, _ in own)
         if joint.law is None or replaced:
-            u = (compliance_of(joint) if joint.law is None else 1.0 / joint.law.largest_stiffness) * N * lever
+            u = compliance_of(joint) * N * lever
         else:
             u = np.array([joint.law.deflection(load) for load in (N * lever).tolist()])
         for _, _, element in own:
@@ -451,7 +453,10 @@ def _where(effect: Effect, values: Sequence[float], machine: ModifiedMachine) ->
         tilted = effect.tilted(values)
         return f"of the test, not of the machine: a command says --axis {','.join(f'{v:.6g}' for v in tilted)}"
     if isinstance(effect, ActuatorCompliance) and not effect.is_written(machine.nominal, values):
-        return "not in the numbers below: the joint's matrix is rigid in a direction askew to its axis"
+        return (
+            "not in the numbers below: the joint's matrix is rigid askew to its axis, or one of several drives "
+            "has a law"
+        )
     if not words and sites(effect, values, machine):
         return "not in the numbers below: the joint has a 6×6 compliance, or stops at an end that no law has"
     if isinstance(effect, ERRORS):

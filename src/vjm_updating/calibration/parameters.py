@@ -151,7 +151,7 @@ def split_parts(engine: VjmEngine, chain: Machine) -> set[str]:
 
 def default_parameters(engine: VjmEngine, chain: Machine) -> list[str]:
     """One factor for every beam, and the compliance of every drive, mount and joint that has one."""
-    driven = (p for p in chain.parts if isinstance(p, Joint) and p.compliance > 0.0)
+    driven = (p for p in chain.parts if isinstance(p, Joint) and p.sprung)
     return [*(f"{beam.name}.factor" for beam in chain.beams), *(f"{part.name}.{ABOUT[0]}" for part in driven)]
 
 

@@ -66,6 +66,7 @@ class ColumnBow(LinkBow):
     """A bow in the plane in which the column buckles."""
 
     sizes: tuple[float, ...] = (0.5, 1.5, 4.0)
+    extent = 1
 
     def quantities(self) -> tuple[Quantity, ...]:
         """Towards the positive deflection. Behind a bifurcation micrometres show: differences must be as small."""

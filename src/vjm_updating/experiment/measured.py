@@ -115,7 +115,7 @@ class Measurement:
                 f"{sheet.file}: [test] joint: {driven.name} is rigid in the model: give it a compliance in the "
                 "model file, a first guess"
             )
-        if driven.law is not None and not (driven.law.tangent(driven.law.curve.knots) > 0.0).all():
+        if driven.law is not None and not driven.law.rises:
             raise SheetError(
                 f"{sheet.file}: [test] joint: the law of {driven.name} has a stretch without stiffness. No torque "
                 "tells the angle there: give a compliance, or a law of kind 'strain_wave', as a first guess"
@@ -125,8 +125,7 @@ class Measurement:
     @property
     def joint_compliance(self) -> float:
         """Of that joint in the model, rad/(N mm) or mm/N; of one with a law that of its steepest slope."""
-        joint = self.drive
-        return joint.compliance if joint.law is None else 1.0 / joint.law.largest_stiffness
+        return self.drive.compliances[0]
 
     @property
     def free(self) -> tuple[str, ...]:

@@ -366,22 +366,7 @@ def machine_of_sheet(sheet: Sheet) -> tuple[dict[str, Any], Machine]:
             raise SheetError(
                 f"{sheet.file}: [points.{label}]: no part '{point.body}'; there are {', '.join(parts)}"
             )
-    machine = build_chain(document, f"{sheet.file}, model {source.file}", source.files)
-    refuse_laws(machine, sheet.file)
-    return document, machine
-
-
-def refuse_laws(machine: Machine, file: str) -> None:
-    """Refuse a machine whose springs have laws: what tests find are constant stiffnesses.
-
-    Raises:
-        SheetError: naming one of them.
-    """
-    if machine.laws:
-        raise SheetError(
-            f"{file}: [test] model: {machine.laws[0][0]} has a law, and tests take constant stiffnesses only: give "
-            "it one"
-        )
+    return document, build_chain(document, f"{sheet.file}, model {source.file}", source.files)
 
 
 def engine_of_sheet(sheet: Sheet, chain: Machine) -> VjmEngine:

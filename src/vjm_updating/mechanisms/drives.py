@@ -145,7 +145,7 @@ def drives(scene: ExperimentContext) -> list[DriveSite]:
     """
     machine, chain = scene.machine, scene.chain
     own = machine.drive
-    sites = [] if own is None else [DriveSite(compliance=own.compliance, force=scene.force)]
+    sites = [] if own is None else [DriveSite(compliance=compliance_of(own), force=scene.force)]
     away = braced(machine, scene.labels)
     joints = [j for j in chain.moving if j.held and _is_driven(chain, j) and j.name not in away]
     if not joints or not scene.slips:
@@ -202,8 +202,10 @@ def _is_driven(chain: Machine, joint: Joint) -> bool:
 
 
 def compliance_of(joint: Joint) -> float:
-    """Of a joint's spring about or along its axis, rad/(N mm) or mm/N."""
-    return joint.compliance if joint.matrix is None else float(_along(joint) @ joint.matrix @ _along(joint))
+    """Of a joint's spring about or along its axis, rad/(N mm) or mm/N; of a law where that is stiffest."""
+    if joint.matrix is None or joint.law is not None:
+        return joint.compliances[0]
+    return float(_along(joint) @ joint.matrix @ _along(joint))
 
 
 def softened(joint: Joint, by: float) -> Joint:
@@ -259,7 +261,9 @@ class ActuatorCompliance(InDrive):
         return [joint for joint in joints if joint.kind is JointKind.ACTUATOR]
 
     def is_written(self, nominal: Machine, values: Sequence[float]) -> bool:
-        """Whether a file can say it: not beside a 6×6 compliance that is rigid askew to the joint's axis."""
+        """Whether a joint's numbers can say it: no law can, nor a 6×6 that is rigid askew to the joint's axis."""
+        if any(joint.law is not None for joint in self._joints(nominal)):
+            return False
         for joint in self._joints(self.built(nominal, values)):
             if joint.matrix is not None:
                 try:

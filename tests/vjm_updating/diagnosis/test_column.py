@@ -139,7 +139,6 @@ def cropped(name: str, to: float, folder: Path) -> Path:
     return data
 
 
-@pytest.mark.slow
 @real
 def test_the_bar_is_bowed_and_yields(tmp_path):
     found = diagnose(MEASURED / "column_bar_1.csv", MEASURED / "column_bar_1.toml", tmp_path)

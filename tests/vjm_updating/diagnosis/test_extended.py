@@ -2,12 +2,14 @@
 
 import csv
 import json
+import tomllib
 from pathlib import Path
 
 import numpy as np
 import pytest
 from helpers.command import json_of, validate
 
+from vjm.io.files import toml_text
 from vjm.io.model_file import build_chain, load_chain
 from vjm_updating.calibration.calibrated_model import FILE, extended_document, extended_text
 from vjm_updating.experiment import measurement as reading
@@ -127,6 +129,76 @@ def test_a_command_predicts_what_the_diagnosis_did(fitted, tmp_path, case):
                 # tables, series elements and a curve's own steps are each interpolated to 1e-4 or better; a bow
                 # shortens the chord, from whose end the pose counts, by 0.003 mm
                 assert np.abs(there - fit.evaluation.prediction[on, k]).max() < 5e-4 * size, (posture, sign, k)
+
+
+def next_test(make, fitted, folder, case, *, noisy=False):
+    """A test by the extended model of a case: its files, and what the diagnosis predicts there."""
+    hypothesis, values, segments, _ = CASES[case]
+    measurement, fitter, fit = fitted(hypothesis, values, segments)
+    wrench = fit.evaluation.prediction
+    if noisy:
+        sigma = dict(make.NOISE.values())
+        own = [sigma.get(k, 0.0) for k in range(6)]
+        wrench = wrench + np.random.default_rng(3).standard_normal(wrench.shape) * own
+    rows = make.load_case(("A", "B", "D"), 1.5, 4)
+    sheet = make.SHEET.replace("link_segments = 4", f"link_segments = {segments}")
+    sheet = sheet.replace('"orthoglide-chain"', f'"{FILE}"')
+    files = make.write(folder, rows, wrench, [row[3] for row in rows], sheet=sheet)
+    (folder / FILE).write_text(extended_text(measurement, fitter, fit, "named", {}))
+    return files, fit.evaluation.prediction
+
+
+WITH_LAWS = (
+    "a drive that stiffens",
+    "backlash in a soft drive",
+    "a drive softer in push",
+    "a contact in the drive",
+)
+
+
+@pytest.mark.parametrize("case", WITH_LAWS)
+def test_a_next_test_by_the_extended_model_is_predicted_alike(make, fitted, tmp_path, monkeypatch, case):
+    files, expected = next_test(make, fitted, tmp_path / "next", case)
+    measurement = reading.read_measurement(files.data, files.sheet)
+    assert len(measurement.chain.laws) == 1
+    forward = Forward(observe_ramps(measurement))
+    found = coordinates(nuisance_coordinates(forward.observed), ())
+    predicted = forward.evaluate(found, start(found, (), np.zeros(len(found)), []), ()).prediction
+    # the law is a table of deflections at 81 loads, and both tables of paths err by 1e-4 at most
+    assert np.abs(predicted - expected)[:, :3].max() < 5e-4 * np.abs(expected[:, :3]).max()
+
+
+@pytest.mark.quick_cases(1)
+@pytest.mark.parametrize("case", WITH_LAWS)
+def test_nothing_is_left_of_a_next_test_by_the_extended_model(make, fitted, tmp_path, case):
+    files, _ = next_test(make, fitted, tmp_path / "next", case, noisy=True)
+    assert run(["diagnose", str(files.data), f"--sheet={files.sheet}", f"--out={tmp_path / 'out'}"]) == 0
+    assert json.loads((tmp_path / "out" / "diagnosis.json").read_text())["verdict"] == "none"
+
+
+@pytest.mark.quick_cases(1)
+@pytest.mark.parametrize("case", WITH_LAWS)
+def test_a_law_is_calibrated_as_a_whole(make, fitted, tmp_path, case):
+    files, _ = next_test(make, fitted, tmp_path / "next", case, noisy=True)
+    # the drive of the file is stiffer than that of the test by a tenth
+    model = files.sheet.with_name(FILE)
+    chain = load_chain(model)
+    ((_, law),) = chain.laws
+    document = tomllib.loads(model.read_text())
+    part_table(document, "actuator")["law"] = law.softer(0.9).table(slides=True)
+    model.write_text(toml_text(document))
+    assert run(["calibrate", str(files.data), f"--sheet={files.sheet}", f"--out={tmp_path / 'out'}"]) == 0
+    rows = {
+        row["name"]: row for row in json.loads((tmp_path / "out" / "calibration.json").read_text())["parameters"]
+    }
+    row = rows["actuator.compliance"]
+    # four standard deviations: one of four cases in 4,000 tests
+    assert abs(row["value"] - 1.0 / law.largest_stiffness) < 4.0 * row["std"]
+    ((_, written),) = load_chain(tmp_path / "out" / "calibrated-model.toml").laws
+    assert 1.0 / written.largest_stiffness == pytest.approx(row["value"], rel=1e-6)
+    assert written.deflection(500.0) == pytest.approx(
+        row["over_nominal"] * law.softer(0.9).deflection(500.0), rel=1e-6
+    )
 
 
 @pytest.mark.parametrize("case", ["bow", "base", "lumping"])

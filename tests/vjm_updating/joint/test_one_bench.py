@@ -4,6 +4,7 @@ The truth is written here: closed forms of the turn by the torque. Formulas and 
 finder.
 """
 
+import tomllib
 from collections.abc import Callable
 from pathlib import Path
 
@@ -12,6 +13,8 @@ import pytest
 from helpers.file_texts import instruments_text, table_text
 from helpers.small_machines import lever
 
+from vjm.io.files import toml_text
+from vjm.model.laws import StrainWave
 from vjm_updating import calibrate, diagnose, load_data
 from vjm_updating.data_set import as_joint_test
 from vjm_updating.diagnosis.document import Diagnosis, ValueRow
@@ -102,6 +105,22 @@ def test_three_formats_of_one_bench_get_one_answer(tmp_path, kind, seed):
     assert first.verdict in (("none",) if kind == "nothing" else ("named", "class"))
     if kind != "nothing":
         assert sorted(first.candidates[0].causes) == sorted(FOUND[kind])
+
+
+def test_three_formats_get_one_answer_by_a_model_with_a_law(tmp_path):
+    answers = {}
+    for name, files in written(tmp_path, "soft", 3).items():
+        k = 1.0 / MODELLED
+        law = StrainWave(K1=k, K2=1.1 * k, K3=1.2 * k, T1=1e4, T2=2e4).table(slides=False)
+        model = tomllib.loads(MODEL)
+        part = next(part for part in model["parts"] if part["name"] == "elbow")
+        del part["compliance_rad_per_Nmm"]
+        part["law"] = law
+        (tmp_path / "arm.toml").write_text(toml_text(model))
+        answers[name] = diagnose(load_data(*files)).figures
+    first = answers["joint"]
+    assert first.verdict in ("named", "class")
+    assert all(said(other) == said(first) for other in answers.values())
 
 
 @pytest.mark.slow
