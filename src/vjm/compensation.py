@@ -30,7 +30,7 @@ from vjm.machine.rigid_mechanism import CLOSED, LoopClosure, home_label
 from vjm.model.machine import Machine
 from vjm.model.mechanism import Gravity, Mechanism
 from vjm.outcome import Outcome
-from vjm.postures import Posture, in_posture
+from vjm.postures import Posture, check_machine, in_posture
 from vjm.rank import span
 from vjm.rotations import Array, displaced, rotation_vector, rotations_from_vectors
 
@@ -395,6 +395,7 @@ def compensate(
         >>> [f"{name} leaves {left:.3f} mm" for name, left in compensation.largest_mm.items()]
         ['rigid leaves 12.085 mm', 'linear leaves 0.109 mm', 'loaded leaves 0.000 mm']
     """
+    check_machine(machine)
     if not held_by_itself(machine):
         raise ValueError(
             f"{machine.name}: its passive joints leave the end a mechanism: give the whole machine instead"

@@ -15,7 +15,7 @@ from vjm.model.joint_limits import joint_limits, said_turned
 from vjm.model.machine import Machine, pushed_out
 from vjm.model.mechanism import Mechanism
 from vjm.model.parts import Joint
-from vjm.plain_numbers import plain_number
+from vjm.plain_numbers import finite_numbers, plain_number
 from vjm.rotations import rotation_from_vector
 
 Posture: TypeAlias = str | Mapping[str, float] | Sequence[float]
@@ -113,14 +113,12 @@ def tool_postures(
         >>> [round(each["elbow"], 3) for each in vjm.tool_postures(vjm.load("planar-2r"), (600, 300, 0))]
         [1.471, -1.471]
     """
-    for name, values in (("position", position), ("turn", turn)):
-        if values is not None and (len(values) != 3 or not np.all(np.isfinite(values))):
-            raise ValueError(f"{name} must be three finite numbers, got {list(values)}")
+    check_machine(machine)
+    place = np.array(finite_numbers("position", position, 3))
+    R = None if turn is None else rotation_from_vector(np.array(finite_numbers("turn", turn, 3)))
     # unloaded: neither how beams are split nor springs between points matter
     model = Mechanism(replace(machine, point_springs=()))
-    solutions = postures_of(
-        model, np.array(position, dtype=float), None if turn is None else rotation_from_vector(turn), end
-    )
+    solutions = postures_of(model, place, R, end)
     return [{name: round(float(v), 12) for name, v in zip(model.joints, q, strict=True)} for q in solutions]
 
 

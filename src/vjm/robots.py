@@ -22,6 +22,7 @@ from vjm.io.robot_text import (
 )
 from vjm.io.ur_calibration import kinematics_text, not_held
 from vjm.model.machine import Machine
+from vjm.postures import check_machine
 
 DescriptionFormat: TypeAlias = Literal["urdf", "mjcf", "dh", "mdh", "ur-kinematics"]
 
@@ -104,6 +105,7 @@ def robot_text(
         >>> "shoulder" in description.text, description.said
         (True, ['2 joints'])
     """
+    check_machine(machine)
     if form == "urdf":
         if machine.closures:
             names = ", ".join(closure.name for closure in machine.closures)

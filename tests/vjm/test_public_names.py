@@ -256,3 +256,23 @@ def test_what_is_of_another_type_is_refused_in_words(given, error, said):
     machine = given.pop("machine", None) or vjm.load("planar-2r")
     with pytest.raises(error, match=said):
         vjm.stiffness(machine, **given)
+
+
+@pytest.mark.parametrize(
+    "asked",
+    [
+        vjm.stiffness, vjm.buckling, vjm.modes, vjm.shares, lambda m: vjm.compensate(m, [(600, 300, 0)]),
+        lambda m: vjm.robot_text(m, "urdf"), lambda m: vjm.tool_postures(m, (600, 300, 0)),
+        lambda m: vjm.trace(m, vjm.LoadCase("A", to=1.0)), lambda m: vjm.in_posture(m, "A"),
+    ],
+)  # fmt: skip
+def test_what_takes_a_machine_says_so(asked):
+    for other in ("planar-2r", None, {"name": "arm"}):
+        with pytest.raises(TypeError, match=r"give a machine, as vjm\.load gives it, not"):
+            asked(other)
+
+
+@pytest.mark.parametrize("position", [3, (1.0, 2.0), (1.0, None, 0.0), "abc"])
+def test_a_place_that_is_none_is_refused(position):
+    with pytest.raises(ValueError, match="position must be three finite numbers, got"):
+        vjm.tool_postures(vjm.load("planar-2r"), position)

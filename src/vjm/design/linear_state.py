@@ -35,7 +35,7 @@ from vjm.model.mechanism import (
 from vjm.model.parameters import Parameter
 from vjm.model.springs import LawSpring
 from vjm.plain_numbers import finite_numbers
-from vjm.postures import Posture, in_posture
+from vjm.postures import Posture, check_machine, in_posture
 from vjm.rank import SUM_ROUNDING, null_space, split
 from vjm.rotations import Array, skew
 
@@ -163,6 +163,7 @@ def loaded_posture(
         finite_numbers("gravity", gravity, 3)
     if displacement is not None and (wrench is not None or gravity is not None or loads or end):
         raise ValueError("displacement holds the end in its pose: leave out wrench, gravity, loads and end frame")
+    check_machine(machine)
     label = posture or next(iter(machine.postures), "")
     chain, label = in_posture(machine, label)
     if end and end not in chain.ends:

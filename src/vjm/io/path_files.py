@@ -102,7 +102,7 @@ def curve_csv(path: Path) -> str:
     return out.getvalue()
 
 
-def write_curve(path: Path, file: FilePath) -> None:
+def write_curve(path: Path, file: FilePath | str) -> None:
     """Write `curve_csv` to a file, whole or not at all.
 
     Example:
@@ -116,10 +116,10 @@ def write_curve(path: Path, file: FilePath) -> None:
         >>> text.splitlines()[1].split(",")[:2]
         ['step', 'ux_mm']
     """
-    write_whole(file, curve_csv(path))
+    write_whole(FilePath(file), curve_csv(path))
 
 
-def read_curve(file: FilePath) -> Path:
+def read_curve(file: FilePath | str) -> Path:
     """Read a curve file back: the path without its shapes, events and engine states.
 
     Raises:
@@ -136,7 +136,7 @@ def read_curve(file: FilePath) -> Path:
         >>> len(again.points) == len(path.points)
         True
     """
-    text = file.read_text(encoding="utf-8")
+    text = FilePath(file).read_text(encoding="utf-8")
     lines = text.splitlines()
     if len(lines) < 2 or not lines[0].startswith("# "):
         raise ValueError(f"{file}: no curve file: the first line must start with '# model='")

@@ -6,23 +6,25 @@ The evidence is how well it fits, less what its parameters and its choice from t
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from itertools import combinations, pairwise
+from itertools import combinations
 
 import numpy as np
 from scipy.special import ndtri
 
 from vjm.rotations import Array
-from vjm_updating.constants import definition, numerical, prior_scale
+from vjm_updating.constants import numerical, prior_scale
 from vjm_updating.diagnosis.document import ValueRow
 from vjm_updating.inference.bounded_normal import inverse, log_beyond, truncated_draws
 from vjm_updating.inference.fitting import Fit, LeastSquaresProblem, prior
 from vjm_updating.inference.forward import values_of
 from vjm_updating.inference.noise import AutoregressiveNoise
-from vjm_updating.inference.parameters import Evaluation, Hypothesis, of_effect, release_key, uncertain
+from vjm_updating.inference.parameters import Hypothesis, of_effect, release_key, uncertain
+from vjm_updating.inference.profile import profile_interval, rise
 from vjm_updating.inference.significance import (
+    ALL_ROUND,
     LAW_ERROR,
     NORMAL_95,
     RARER,
@@ -304,8 +306,6 @@ ESTIMATE_DRAWS = numerical(512)
 """Of the coordinates, from which an interval follows."""
 THINNED = numerical(15)
 """Of the draws from a truncated distribution, each how many-th is taken: about as many."""
-FAR, GRID = numerical(40.0), numerical(65)
-"""Squares beyond the least at which a profile ends, and points between two places of it."""
 PARTS = numerical(8)
 """Of an interval, over which draws are counted for a density."""
 LIMITS: Mapping[tuple[bool, bool], str] = {
@@ -315,8 +315,6 @@ LIMITS: Mapping[tuple[bool, bool], str] = {
 STEEPER, NEARER = numerical(4.0), numerical(8)
 """Times what is expected of it, by which the objective rises where its curvature says nothing of an error; and how
 often it is asked nearer then."""
-ALL_ROUND = definition(np.pi / 3.0**0.5)
-"""Standard deviation of an angle of which nothing is known, rad: evenly spread over a whole turn."""
 DIRECTION = "direction_rad"
 """Last word of parameters that are angles all round."""
 
@@ -379,9 +377,10 @@ def estimates(fitter: LeastSquaresProblem, fit: Fit, force: float) -> dict[str, 
         for k in own[effect.extent :] if key is None else ():
             alone = [name for name, slope in slopes.items() if slope[own.index(k)] and np.count_nonzero(slope) == 1]
             if alone:
-                profile = by_profile(fitter, fit, k, float(covariance[k, k]) ** 0.5)
+                profile = profile_interval(fitter, fit, k, covariance)
                 reported = [
-                    (_with(fit, [k], np.array([end]), i, force), by_readings) for end, by_readings in profile
+                    (_with(fit, [k], np.array([end]), i, force), by_readings)
+                    for end, by_readings in zip((profile.low, profile.high), profile.by_readings, strict=True)
                 ]
                 for name in alone:
                     (least, by_low), (most, by_high) = sorted(
@@ -390,69 +389,6 @@ def estimates(fitter: LeastSquaresProblem, fit: Fit, force: float) -> dict[str, 
                     interval = {"interval95": [least, most], "limits": LIMITS[by_low, by_high]}
                     result[name] = result[name].model_copy(update=interval)
     return result
-
-
-def by_profile(fitter: LeastSquaresProblem, fit: Fit, index: int, std: float) -> list[tuple[float, bool]]:
-    """Ends of an interval that holds 95 % of a shape's posterior, from its profile, and whether readings tell each.
-
-    Readings tell an end where they, without the prior, speak against what lies farthest beyond it.
-
-    Readings may say that a shape is below something and no more. There the objective is flat to one side, and its
-    curvature says nothing. So it is found at distances that double, the other coordinates following to first order.
-    The first distance is ``std``, by the curvature.
-    """
-    coordinate, z = fit.parameters[index], float(fit.evaluation.z[index])
-    rise, known, by_readings = _rise(fitter, fit, [index]), {z: 0.0}, list[bool]()
-    for way in (-1.0, 1.0):
-        distance, against = std, 0.0
-        while known[min(known) if way < 0.0 else max(known)] < FAR:
-            place = float(np.clip(z + way * distance, coordinate.low, coordinate.high))
-            if place in known:
-                break
-            if np.isinf(further := rise(np.array([place]))):
-                against = further
-                break
-            known[place] = max(further, 0.0)
-            point = fit.evaluation.z.copy()
-            point[index] = place
-            usual = [float(prior(fit.parameters, where)[0][index]) for where in (point, fit.evaluation.z)]
-            against = known[place] - usual[0] ** 2 + usual[1] ** 2
-            distance *= 2.0
-        by_readings.append(against > NORMAL_95**2)
-    places = np.array(sorted(known))
-    fine = np.unique(np.concatenate([np.linspace(a, b, GRID) for a, b in pairwise(places)] or [places]))
-    density = np.exp(-0.5 * np.interp(fine, places, [known[place] for place in places]))
-    mass = np.concatenate([[0.0], np.cumsum(np.diff(fine) * 0.5 * (density[1:] + density[:-1]))])
-    if mass[-1] == 0.0:
-        return [(z, True), (z, True)]
-    low, high = (float(np.interp(q, mass / mass[-1], fine)) for q in (0.025, 0.975))
-    return [(min(low, z), by_readings[0]), (max(high, z), by_readings[1])]
-
-
-def _rise(fitter: LeastSquaresProblem, fit: Fit, held: Sequence[int]) -> Callable[[Array], float]:
-    """By how much the objective rises with coordinates at other values ``(k,)``.
-
-    The others follow to first order. It is infinite where no machine stands.
-    """
-    others = [i for i, c in enumerate(fit.parameters) if i not in held and c.sigma != 0.0]
-    W = fitter.whitening.flat(fit.jacobian)[:, others]
-    weight = prior(fit.parameters, fit.evaluation.z)[1]
-    A = np.linalg.qr(np.vstack([W, np.diag(weight)[:, others]]))[0]
-
-    def squares(evaluation: Evaluation) -> float:
-        r = np.concatenate([fitter.whitening.flat(evaluation.residual), prior(fit.parameters, evaluation.z)[0]])
-        left = r - A @ (A.T @ r)
-        return float(left @ left)
-
-    least = squares(fit.evaluation)
-
-    def rise(values: Array) -> float:
-        point = fit.evaluation.z.copy()
-        point[list(held)] = values
-        evaluation = fitter.evaluate(fit.parameters, point, fit.hypothesis)
-        return np.inf if evaluation is None else squares(evaluation) - least
-
-    return rise
 
 
 def _supported(fitter: LeastSquaresProblem, fit: Fit, own: Sequence[int], std: Array) -> Array:
@@ -464,10 +400,10 @@ def _supported(fitter: LeastSquaresProblem, fit: Fit, own: Sequence[int], std: A
     rises however near, it is not smooth, and the curvature is all that is known.
     """
     z, inflation = fit.evaluation.z[list(own)], _inflation(fitter, fit)
-    length, turned = float(np.hypot(*z)), _rise(fitter, fit, own)
+    length, turned = float(np.hypot(*z)), rise(fitter, fit, own)
     shares = np.ones(len(own))
     for k, index in enumerate(own):
-        straight, share = _rise(fitter, fit, [index]), 1.0
+        straight, share = rise(fitter, fit, [index]), 1.0
         for _ in range(NEARER):
             off = share * std[k]
             least = min(straight(z[[k]] - off), straight(z[[k]] + off))

@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from vjm_updating.constants import shown
 from vjm_updating.diagnosis.document import SURE, CandidateRow, CriticalPointRow, Diagnosis, ValueRow
 from vjm_updating.experiment.data_file import POSE, WRENCH
-from vjm_updating.inference.significance import NORMAL_95
+from vjm_updating.inference.significance import ALL_ROUND, NORMAL_95
 
-ANY_DIRECTION = shown(1.8)
-"""Standard deviation, rad, of a direction of which nothing is known: evenly spread over a whole turn, π/√3."""
 CONFIDENCE = (
     "confidence: posterior probability that the verdict is right, unknown causes included; probability: a "
     "candidate's share among those that the verdict leaves"
@@ -95,7 +92,7 @@ def no_value(name: str, value: ValueRow | str) -> str:
     if isinstance(value, str):
         return value
     # a direction that is known no better than that it is one
-    if name.endswith("_rad") and "direction" in name and value.std > ANY_DIRECTION:
+    if name.endswith("_rad") and "direction" in name and value.std >= ALL_ROUND:
         return "any: these readings do not show it"
     return "" if value.limits == "both" else value.words
 

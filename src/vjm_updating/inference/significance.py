@@ -105,6 +105,8 @@ RARER = prior_scale(2.8)
 that lack one."""
 NORMAL_95 = definition(1.959963984540054)
 """Standard deviations within which 95 % of a normal distribution lie."""
+ALL_ROUND = definition(np.pi / 3.0**0.5)
+"""Standard deviation of an angle of which nothing is known, rad: evenly spread over a whole turn."""
 CUT = numerical(4.0)
 """Standard deviations at which a residual is cut off where it is asked for what many readings share."""
 

@@ -8,8 +8,8 @@ import pytest
 from scipy.special import ndtri
 
 from vjm_updating.calibration.fit import problem_of, solve
-from vjm_updating.calibration.run import profile_interval
 from vjm_updating.experiment import read_measurement
+from vjm_updating.inference.profile import profile_interval
 
 from . import synthetic
 from .conftest import ENGINE, RAMPS, TRUTH
@@ -50,8 +50,8 @@ def covered(test: tuple[int, np.ndarray], rho: float, outliers: float, steps: in
         files = synthetic.write(Path(folder), rows, sheet)
         measurement = read_measurement(files.data, files.sheet)
     found = solve(problem_of(measurement, tuple(TRUTH)))
-    ends = [profile_interval(found, i) for i in range(len(TRUTH))]
-    return [low <= z <= high for (low, high), z in zip(ends, TRUTH.values(), strict=True)]
+    ends = [profile_interval(found.fitter, found.fit, i, found.covariance) for i in range(len(TRUTH))]
+    return [end.low <= z <= end.high for end, z in zip(ends, TRUTH.values(), strict=True)]
 
 
 def wilson(hits: int, of: int) -> tuple[float, float]:

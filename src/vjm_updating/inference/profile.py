@@ -1,0 +1,114 @@
+"""The profile of an objective along a coordinate, the others fitted, and the interval that it gives."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from vjm.rotations import Array
+from vjm_updating.constants import numerical
+from vjm_updating.inference.fitting import Fit, LeastSquaresProblem, prior
+from vjm_updating.inference.parameters import Evaluation
+from vjm_updating.inference.significance import NORMAL_95
+
+FAR, GRID = numerical(40.0), numerical(65)
+"""Squares beyond the least at which a profile ends, and points between two places of it."""
+
+
+@dataclass(frozen=True)
+class ProfileInterval:
+    """What holds 95 % of a coordinate's posterior.
+
+    Attributes:
+        low: its lower end, and
+        high: its upper one.
+        by_readings: whether the readings, without the prior, speak against what lies farthest beyond each.
+    """
+
+    low: float
+    high: float
+    by_readings: tuple[bool, bool]
+
+
+def rise(
+    fitter: LeastSquaresProblem, fit: Fit, held: Sequence[int], along: Array | None = None
+) -> Callable[[Array], float]:
+    """By how much the objective rises with coordinates at other values ``(k,)``.
+
+    The others follow to first order, from where they are or from a plan: ``along`` (n_z, k) is what each does by a
+    unit of those that are held. It is infinite where no machine stands.
+    """
+    others = [i for i, c in enumerate(fit.parameters) if i not in held and c.sigma != 0.0]
+    W = fitter.whitening.flat(fit.jacobian)[:, others]
+    weight = prior(fit.parameters, fit.evaluation.z)[1]
+    A = np.linalg.qr(np.vstack([W, np.diag(weight)[:, others]]))[0]
+    low, high = (np.array([getattr(c, end) for c in fit.parameters]) for end in ("low", "high"))
+
+    def squares(evaluation: Evaluation) -> float:
+        r = np.concatenate([fitter.whitening.flat(evaluation.residual), prior(fit.parameters, evaluation.z)[0]])
+        left = r - A @ (A.T @ r)
+        return float(left @ left)
+
+    least = squares(fit.evaluation)
+
+    def value(values: Array) -> float:
+        point = fit.evaluation.z.copy()
+        if along is not None:
+            point = np.clip(point + along @ (values - point[list(held)]), low, high)
+        point[list(held)] = values
+        evaluation = fitter.evaluate(fit.parameters, point, fit.hypothesis)
+        return np.inf if evaluation is None else squares(evaluation) - least
+
+    return value
+
+
+def profile_interval(fitter: LeastSquaresProblem, fit: Fit, index: int, covariance: Array) -> ProfileInterval:
+    """The interval of a coordinate that holds 95 % of its posterior, by its profile.
+
+    Where the model is curved it is not symmetric, as the one by the ``covariance`` (n_z, n_z) is (Venzon and
+    Moolgavkar 1988). Readings may also say that a coordinate is below something and no more: there the objective is
+    flat to one side, and its curvature says nothing. So it is found at distances that double, the first one by the
+    curvature. The interval begins at a bound where the density is at least that at the 95 % quantile, see
+    `vjm_updating.diagnosis.evidence.credible`.
+    """
+    coordinate, z = fit.parameters[index], float(fit.evaluation.z[index])
+    std = float(covariance[index, index]) ** 0.5
+    along = covariance[:, [index]] / covariance[index, index]
+    by, known, by_readings = rise(fitter, fit, [index], along), {z: 0.0}, list[bool]()
+    for way in (-1.0, 1.0):
+        distance, against = std, 0.0
+        while known[min(known) if way < 0.0 else max(known)] < FAR:
+            place = float(np.clip(z + way * distance, coordinate.low, coordinate.high))
+            if place in known:
+                break
+            if np.isinf(further := by(np.array([place]))):
+                against = further
+                break
+            known[place] = max(further, 0.0)
+            point = fit.evaluation.z.copy()
+            point[index] = place
+            usual = [float(prior(fit.parameters, where)[0][index]) for where in (point, fit.evaluation.z)]
+            against = known[place] - usual[0] ** 2 + usual[1] ** 2
+            distance *= 2.0
+        by_readings.append(against > NORMAL_95**2)
+    places = np.array(sorted(known))
+    if len(places) == 1:
+        return ProfileInterval(z, z, (True, True))
+    fine = np.unique(np.concatenate([np.linspace(a, b, GRID) for a, b in pairwise(places)]))
+    # its root is straight where the model is
+    density = np.exp(-0.5 * np.interp(fine, places, [known[place] ** 0.5 for place in places]) ** 2)
+    mass = np.concatenate([[0.0], np.cumsum(np.diff(fine) * 0.5 * (density[1:] + density[:-1]))])
+
+    def quantile(share: float) -> float:
+        return float(np.interp(share, mass / mass[-1], fine))
+
+    reached = [
+        bool(end == bound and density[k] >= np.interp(quantile(far), fine, density))
+        for k, end, bound, far in ((0, fine[0], coordinate.low, 0.95), (-1, fine[-1], coordinate.high, 0.05))
+    ]
+    low = quantile(0.05 if reached[1] else 0.025) if not reached[0] else float(fine[0])
+    high = quantile(0.95 if reached[0] else 0.975) if not reached[1] else float(fine[-1])
+    return ProfileInterval(min(low, z), max(high, z), (by_readings[0], by_readings[1]))
