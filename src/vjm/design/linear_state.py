@@ -636,8 +636,17 @@ def equilibrium_of(
             f"{chain.name}, posture {asked.posture}: nothing determines where it stands: {free}. Give a load that "
             "brings contact, a preload, or a stiffness there"
         )
+    loose = ""
     try:
         x = _followed(asked, model)
+    except ValueError:
+        x, loose = (
+            None,
+            (
+                " that its springs hold: with its end free it is a mechanism. Hold it in a pose (displacement), or give "
+                "the whole machine"
+            ),
+        )
     except NoConvergenceError:
         if equilibrium.converged[0] and not equilibrium.stable[0]:
             # the path loses its stability before: this state, which is unstable, contradicts nothing
@@ -646,7 +655,7 @@ def equilibrium_of(
     equilibrium = equilibrium if x is None else found(x)
     if not equilibrium.converged[0]:
         loaded = "under these loads" if asked.acting or asked.gravity is not None else "without loads"
-        raise NoConvergenceError(f"{chain.name}, posture {asked.posture}: no equilibrium {loaded}")
+        raise NoConvergenceError(f"{chain.name}, posture {asked.posture}: no equilibrium {loaded}{loose}")
     return equilibrium
 
 
@@ -722,6 +731,7 @@ def _followed(asked: Question, model: Mechanism) -> Array | None:
     Without other loads it is the weight that grows.
 
     Raises:
+        ValueError: the loads move nothing, or it is a mechanism: there is no path.
         NoConvergenceError: the path turns back, or loses its stability, before they act in full.
     """
     where = f"{asked.machine.name}, posture {asked.posture}"
@@ -729,11 +739,7 @@ def _followed(asked: Question, model: Mechanism) -> Array | None:
     if not acting and asked.gravity is None:
         return None
     case = LoadCase(asked.posture, 1.0, LOAD, free=COMPONENTS, loads=acting, gravity=asked.gravity, steps=1)
-    try:
-        path = asked.engine.trace(asked.machine, case)
-    except ValueError:
-        # the loads move nothing, or the end alone is loose: there is no path
-        return None
+    path = asked.engine.trace(asked.machine, case)
     for event in path.events:
         if event.kind in (EventKind.LIMIT, EventKind.BIFURCATION):
             raise NoConvergenceError(
