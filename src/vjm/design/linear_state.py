@@ -640,13 +640,8 @@ def equilibrium_of(
     try:
         x = _followed(asked, model)
     except ValueError:
-        x, loose = (
-            None,
-            (
-                " that its springs hold: with its end free it is a mechanism. Hold it in a pose (displacement), or give "
-                "the whole machine"
-            ),
-        )
+        x = None
+        loose = " that its springs hold: with its end free it is a mechanism. Hold it in a pose instead"
     except NoConvergenceError:
         if equilibrium.converged[0] and not equilibrium.stable[0]:
             # the path loses its stability before: this state, which is unstable, contradicts nothing
