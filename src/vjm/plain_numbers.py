@@ -9,13 +9,20 @@ IN_WORDS = {3: "three", 6: "six"}
 """How many numbers a vector has, in words."""
 
 
-def finite_numbers(name: str, values: Any, count: int) -> tuple[float, ...]:  # noqa: ANN401  whatever was given
+def finite_numbers(
+    name: str,
+    values: Any,  # noqa: ANN401  whatever was given
+    count: int,
+    *,
+    nonzero: bool = False,
+) -> tuple[float, ...]:
     """Numbers of a vector that somebody gave.
 
     Args:
         name: of what they are.
         values: as they were given.
         count: how many there have to be.
+        nonzero: whether one at least must not be zero.
 
     Raises:
         ValueError: they are not so many finite numbers; the message says what was given.
@@ -28,8 +35,9 @@ def finite_numbers(name: str, values: Any, count: int) -> tuple[float, ...]:  # 
         numbers = tuple(float(value) for value in values)
     except (TypeError, ValueError):
         numbers = ()
-    if len(numbers) != count or not all(map(math.isfinite, numbers)):
-        raise ValueError(f"{name} must be {IN_WORDS[count]} finite numbers, got {values!r}")
+    if len(numbers) != count or not all(map(math.isfinite, numbers)) or (nonzero and not any(numbers)):
+        which = ", not all zero" if nonzero else ""
+        raise ValueError(f"{name} must be {IN_WORDS[count]} finite numbers{which}, got {values!r}")
     return numbers
 
 

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from vjm.plain_numbers import finite_numbers
 from vjm.rotations import Array
 
 if TYPE_CHECKING:
@@ -84,9 +85,7 @@ class Load:
     ramped: bool = True
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "wrench", tuple(float(v) for v in self.wrench))
-        if len(self.wrench) != 6 or not np.all(np.isfinite(self.wrench)) or not any(self.wrench):
-            raise ValueError(f"a load is six finite numbers, not all zero, got {self.wrench}")
+        object.__setattr__(self, "wrench", finite_numbers("a load", self.wrench, 6, nonzero=True))
 
 
 @dataclass(frozen=True)
@@ -109,9 +108,7 @@ class PointControl:
     direction: tuple[float, float, float]
 
     def __post_init__(self) -> None:
-        d = np.asarray(self.direction, dtype=float)
-        if d.shape != (3,) or not np.all(np.isfinite(d)) or not np.any(d):
-            raise ValueError(f"a direction is three finite numbers, not all zero, got {self.direction}")
+        d = np.array(finite_numbers("a direction", self.direction, 3, nonzero=True))
         object.__setattr__(self, "direction", tuple((d / np.linalg.norm(d)).tolist()))
 
 
@@ -167,18 +164,15 @@ class LoadCase:
         for name in ("free", "loads"):
             object.__setattr__(self, name, tuple(getattr(self, name)))
         if not isinstance(self.axis, str):
-            object.__setattr__(self, "axis", tuple(self.axis))
+            object.__setattr__(self, "axis", finite_numbers("a ramp's direction", self.axis, 6, nonzero=True))
         if self.gravity is not None:
-            object.__setattr__(self, "gravity", tuple(self.gravity))
+            object.__setattr__(self, "gravity", finite_numbers("gravity", self.gravity, 3))
         self._check_ramp()
         self._check_end()
 
     def _check_ramp(self) -> None:
-        if isinstance(self.axis, str):
-            if self.axis not in (*COMPONENTS, LOAD):
-                raise ValueError(f"axis '{self.axis}' is none of {', '.join(COMPONENTS)}, {LOAD}")
-        elif len(self.axis) != 6 or not np.all(np.isfinite(self.axis)) or not any(self.axis):
-            raise ValueError("a ramp's direction is six finite numbers, not all zero")
+        if isinstance(self.axis, str) and self.axis not in (*COMPONENTS, LOAD):
+            raise ValueError(f"axis '{self.axis}' is none of {', '.join(COMPONENTS)}, {LOAD}")
         if not np.isfinite(self.to) or self.to == 0.0:
             raise ValueError(f"the ramp must end at a finite displacement other than zero, not {self.to}")
         if abs(self.to) < SHORTEST:
@@ -209,8 +203,6 @@ class LoadCase:
             raise ValueError("a ramp of the load factor needs a load that it multiplies")
         if not self.load_driven and any(load.ramped for load in self.loads):
             raise ValueError("a ramped load needs the axis 'load'; beside a driven pose loads act in full")
-        if self.gravity is not None and (len(self.gravity) != 3 or not np.all(np.isfinite(self.gravity))):
-            raise ValueError(f"gravity is three finite numbers in m/s², got {self.gravity}")
 
     @property
     def conservative(self) -> bool:
