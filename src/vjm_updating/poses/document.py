@@ -42,6 +42,11 @@ class MemberRow(Row):
     )
     beyond_bound: float = Field(description="standard deviations by which the data want it beyond its bound")
 
+    @property
+    def may_be_nothing(self) -> bool:
+        """Whether zero lies within what is known of it."""
+        return self.within_series95[0] <= 0.0 <= self.within_series95[1]
+
 
 class WeighedDownRow(Row):
     """Readings one after another that count little in the fit, for they lie far off what the others say."""
@@ -377,7 +382,7 @@ def _members(calibration: PoseCalibration) -> list[str]:
     """The numbers that the postures know: compliances, then of other families what is surely not nothing."""
     known = [m for one in calibration.families for m in one.members if m.identifiable]
     soft = [m for m in known if "compliance" in m.name]
-    others = [m for m in known if m not in soft and not m.within_series95[0] <= 0.0 <= m.within_series95[1]]
+    others = [m for m in known if m not in soft and not m.may_be_nothing]
     others.sort(key=lambda m: -abs(m.value) / max(m.std, 1e-300))
     result = []
     for members in (soft, others):

@@ -366,12 +366,14 @@ def _kept(study: Study, state: FittedState, members: Sequence[MemberRow]) -> set
     """
     asked = {m.name: i for i, m in enumerate(study.members)}
     own = dict(_springs(study))
-    unlearnt = {
-        row.name
-        for row in members
-        if (row.at_bound or not row.identifiable)
-        and ((member := study.members[asked[row.name]]).kind != VALUE or member.family in LAWS)
-    }
+    unlearnt = set()
+    for row in members:
+        member = study.members[asked[row.name]]
+        unknown = row.at_bound or not row.identifiable
+        # where a law may as well be none, the joint keeps its compliance
+        law = member.family in LAWS
+        if (law and row.may_be_nothing) or (unknown and (law or member.kind != VALUE)):
+            unlearnt.add(row.name)
     return {name for name in own if name not in asked} | {
         name
         for name in unlearnt.union(state.hypothesis.kept)
