@@ -17,7 +17,7 @@ from scipy.special import ndtri
 from vjm.rotations import Array
 from vjm_updating.constants import numerical, prior_scale
 from vjm_updating.diagnosis.document import ValueRow
-from vjm_updating.inference.bounded_normal import inverse, log_beyond, truncated_draws
+from vjm_updating.inference.bounded_normal import inverse, log_beyond, log_share, truncated_draws
 from vjm_updating.inference.fitting import Fit, LeastSquaresProblem, prior
 from vjm_updating.inference.forward import values_of
 from vjm_updating.inference.noise import AutoregressiveNoise
@@ -77,9 +77,8 @@ def criterion(
     A = fitter.normal(fit)
     covariance = inverse(A, uncertain(fit.parameters))
     spread = np.maximum(np.diag(covariance), 1e-300)
-    # of coordinates that end at bounds the other costs take in what lies beyond
-    pressed = fitter.pressure(fit) * spread**0.5
-    cost -= 2.0 * float(np.sum(log_beyond(pressed[pressed > 0.0])))
+    # the other costs take in what lies beyond bounds
+    cost -= 2.0 * float(np.sum(_within_bounds(fit, spread**0.5, fitter.pressure(fit))))
     if costs.off_sheet:
         # by a density of heavy tails, as of shapes: what is far off is rare and not impossible
         freed = [i for i, c in enumerate(fit.parameters) if c.of_instrument and not np.isfinite(c.sigma)]
@@ -96,6 +95,25 @@ def criterion(
             sizes = np.maximum(np.linalg.eigvalsh(covariance[np.ix_(indices, indices)]), 1e-300)
             cost -= float(np.sum(np.minimum(np.log(sizes[1:] / sizes[0]), np.log(samples))))
     return fit.objective + cost
+
+
+def _within_bounds(fit: Fit, std: Array, pressure: Array) -> Array:
+    """Logarithm ``(n_z,)`` of the share of each coordinate's posterior within its bounds, over that of its prior.
+
+    The posterior is normal with the ``std`` (n_z,) about the fit; of one that presses against a bound only the tail
+    within it is left. Where readings say nothing the two shares are one, and it is zero.
+    """
+    low, high, mean, sigma = (
+        np.array([getattr(c, name) for c in fit.parameters]) for name in ("low", "high", "mean", "sigma")
+    )
+    pressed, free = pressure * std, std > 1e-150
+    ends = (np.where(free, (end - fit.evaluation.z) / std, np.copysign(np.inf, end)) for end in (low, high))
+    posterior = np.where(pressed > 0.0, log_beyond(pressed), log_share(*ends))
+    # of heavy tails, as of shapes; of a coordinate without a spread all that the bounds leave
+    shape = np.isfinite(sigma) & (sigma > 0.0)
+    scale = np.where(shape, sigma, 1.0)
+    prior_share = (np.arctan((high - mean) / scale) - np.arctan((low - mean) / scale)) / np.pi
+    return posterior - np.where(shape, np.log(prior_share), 0.0)
 
 
 def narrowed(covariance: Array, weight: Array, spread: Array, most: float = np.inf) -> float:

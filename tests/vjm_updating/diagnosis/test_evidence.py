@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from scipy.integrate import quad
+from scipy.stats import norm
 
 from vjm_updating.diagnosis.evidence import Costs, criterion, effective_samples, narrowed
 from vjm_updating.diagnosis.preprocess import prepare
@@ -99,8 +100,9 @@ def test_what_a_sheet_gives_exactly_is_not_free():
     fit = SimpleNamespace(
         hypothesis=(drive,), parameters=found, evaluation=SimpleNamespace(z=np.array([0.0, 3.0])), objective=50.0
     )
-    # three standard deviations of one: something acts, and costs its one parameter alone
-    assert criterion(fitter, fit, (drive,), 200.0) == pytest.approx(50.0 + np.log(200.0), rel=1e-12)
+    # three standard deviations of one: something acts, and costs its one parameter, and what lies below none
+    expected = 50.0 + np.log(200.0) - 2.0 * norm.logcdf(3.0)
+    assert criterion(fitter, fit, (drive,), 200.0) == pytest.approx(expected, rel=1e-12)
 
 
 @pytest.mark.parametrize(("sigmas", "disguised"), [(0.99 * NORMAL_95, True), (1.01 * NORMAL_95, False)])
@@ -117,8 +119,28 @@ def test_a_cause_that_may_as_well_be_nothing_costs_what_a_false_alarm_is_worth(s
         )
         return criterion(fitter, fit, (drive,), 200.0)
 
-    # rounding of sums of a few tens
-    assert cost(sigmas) - cost(50.0) == pytest.approx(2.0 * np.log(1.0 / FALSE_ALARMS) * disguised, abs=1e-12)
+    # less than none there is not: of its normal distribution so much is left; rounding of sums of a few tens
+    expected = 2.0 * np.log(1.0 / FALSE_ALARMS) * disguised - 2.0 * norm.logcdf(sigmas)
+    assert cost(sigmas) - cost(50.0) == pytest.approx(expected, abs=1e-12)
+
+
+def test_a_cause_costs_as_much_just_inside_of_a_bound_as_at_it():
+    drive = ActuatorCompliance()
+
+    def cost(z, pressure):
+        fitter = SimpleNamespace(
+            forward=SimpleNamespace(), normal=lambda fit: np.eye(1), pressure=lambda fit: np.array([pressure])
+        )
+        at = SimpleNamespace(z=np.array([z]))
+        fit = SimpleNamespace(
+            hypothesis=(drive,), parameters=coordinates([], (drive,)), evaluation=at, objective=50.0
+        )
+        return criterion(fitter, fit, (drive,), 200.0)
+
+    # a millionth of a standard deviation off it, or pressed by as little: by as little more or less
+    assert cost(1e-6, 0.0) == pytest.approx(cost(0.0, 0.0), abs=5e-6)
+    assert cost(0.0, 1e-6) == pytest.approx(cost(0.0, 0.0), abs=5e-6)
+    assert cost(0.0, 2.0) > cost(0.0, 0.0) > cost(2.0, 0.0)
 
 
 # A search by evidence on a made-up test whose cause is known.
