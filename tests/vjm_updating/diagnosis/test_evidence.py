@@ -101,7 +101,7 @@ def test_what_a_sheet_gives_exactly_is_not_free():
         hypothesis=(drive,), parameters=found, evaluation=SimpleNamespace(z=np.array([0.0, 3.0])), objective=50.0
     )
     # three standard deviations of one: something acts, and costs its one parameter, and what lies below none
-    expected = 50.0 + np.log(200.0) - 2.0 * norm.logcdf(3.0)
+    expected = 50.0 + np.log(200.0) - 2.0 * norm.logcdf(3.0 * alike[1, 1] ** 0.5)
     assert criterion(fitter, fit, (drive,), 200.0) == pytest.approx(expected, rel=1e-12)
 
 
