@@ -529,11 +529,16 @@ def _symmetric(A: Array, M: Array, number: int) -> tuple[Array, Array]:
         break
     else:
         raise LinAlgError
-    try:
-        # a shift of the size of the smallest one takes no digits of it
-        return _shifted(A, M, 2.0 * max(-float(values[0]), 0.0) or float(values[0]), number)
-    except LinAlgError:
-        return values, V
+    for own in values.tolist():
+        try:
+            # a shift of the size of the smallest one takes no digits of it
+            nearer, motions = _shifted(A, M, max(-2.0 * float(values[0]), own), number)
+        except LinAlgError:
+            continue
+        # beside one that is zero to rounding all others would seem to have no mass
+        if len(nearer) == len(values):
+            return nearer, motions
+    return values, V
 
 
 def _shifted(A: Array, M: Array, shift: float, number: int) -> tuple[Array, Array]:

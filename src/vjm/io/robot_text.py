@@ -360,7 +360,9 @@ def mjcf_leaves_out(chain: Machine) -> list[str]:
     lines = []
     held = [part.name for part in chain.parts if _stiffness(part) is not None]
     own = ": a joint of MJCF has a spring about its own axis only"
-    if rigid := [name for name in elastic_parts(chain) if name not in held]:
+    # of a joint with a law alone its law is told as left out
+    laws = [p.name for p in chain.moving if p.law is not None and p.matrix is None and not any(p.lateral)]
+    if rigid := [name for name in elastic_parts(chain) if name not in (*held, *laws)]:
         lines.append(f"what is elastic in {', '.join(rigid)}{own}")
     if across := [part.name for part in chain.moving if part.name in held and part.bearings]:
         lines.append(f"what is elastic across the axes of {', '.join(across)}{own}")

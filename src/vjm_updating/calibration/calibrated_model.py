@@ -6,8 +6,9 @@ It is calibrated, or extended by the causes that act.
 from __future__ import annotations
 
 import copy
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -289,6 +290,8 @@ OWN_NUMBERS = (ActuatorCompliance, JointThreeSlopes)
 """What a file says of a joint by numbers of its own, where nothing else sits in that joint."""
 SHARES = numerical(np.geomspace(1e-4, 1.0, 40))
 """Of a test's largest load, at which a law is written: neighbours are a quarter apart."""
+TABLE_ERROR, REFINED = numerical(1e-5), numerical(8)
+"""Of the range of its deflections, by which a table may miss a law; and how often its pairs are halved for that."""
 SPRING_KEYS = ("compliance_rad_per_Nmm", "compliance_mm_per_N", "stiffness_Nmm_per_rad", "stiffness_N_per_mm")
 """Of a joint's table, in whose place its law is."""
 
@@ -345,6 +348,10 @@ def extended_document(
     return document
 
 
+Placed = tuple[InDrive | ContactCompliance, float, SeriesElement]
+"""An effect in a joint, the lever in mm at which it sits there, and what it does."""
+
+
 def sites(
     effect: Effect, values: Sequence[float], machine: ModifiedMachine
 ) -> dict[str, tuple[float, SeriesElement]]:
@@ -375,7 +382,7 @@ def joint_laws(fitter: LeastSquaresProblem, fit: Fit, needless: Collection[str] 
     their labels, are not in it; a spring that is needless in the place of the joint's own is a straight one.
     """
     machine: ModifiedMachine = fitter.forward.machine(fit.parameters, fit.evaluation.z, fit.hypothesis)
-    in_series: dict[str, list[tuple[InDrive | ContactCompliance, float, SeriesElement]]] = {}
+    in_series: dict[str, list[Placed]] = {}
     for effect, values in zip(fit.hypothesis, fit.values, strict=True):
         if not isinstance(effect, IN_JOINTS) or (effect.label in needless and not effect.in_place_of):
             continue
@@ -386,32 +393,48 @@ def joint_laws(fitter: LeastSquaresProblem, fit: Fit, needless: Collection[str] 
         joint = next(p for p in machine.nominal.parts if isinstance(p, Joint) and p.name == name)
         straight = all(isinstance(e, OWN_NUMBERS) or e.label in needless for e, _, _ in own)
         replaced = any(effect.in_place_of == name for effect, _, _ in own)
-        if joint.matrix is not None or (len(own) == 1 and straight and (joint.law is None or replaced)):
+        whole = joint.matrix is not None and joint.law is None
+        if whole or (len(own) == 1 and straight and (joint.law is None or replaced)):
             continue
         lever = own[0][1]
         force = max(e.drive.force if isinstance(e, InDrive) else e.force for e, _, _ in own)
-        N = loads_up_to(force)
-        if joint.law is None or replaced:
-            u = compliance_of(joint) * N * lever
-        else:
-            u = np.array([joint.law.deflection(load) for load in (N * lever).tolist()])
-        for _, _, element in own:
-            assert isinstance(element.law, Memoryless)
-            u = u + element.law.function(N)[0] / lever
-        if (law := tabulated(u, N * lever)) is not None:
+        if (law := tabulated(partial(_deflection, joint, own, replaced), force * lever)) is not None:
             result[name] = law.table(slides=joint.slides)
     return result
 
 
-def loads_up_to(most: float) -> Array:
-    """Loads ``(n,)`` at which a law is written: of both signs and none, the largest as given."""
-    return most * np.concatenate([-SHARES[::-1], [0.0], SHARES])
+def _deflection(joint: Joint, own: Sequence[Placed], replaced: bool, loads: Array) -> Array:
+    """What a joint turns or slides by under ``loads`` (n,), its own spring ``replaced`` by what it has or not."""
+    if joint.law is None or replaced:
+        u = compliance_of(joint) * loads
+    else:
+        u = np.array([joint.law.deflection(load) for load in loads.tolist()])
+    for _, lever, element in own:
+        assert isinstance(element.law, Memoryless)
+        u = u + element.law.function(loads / lever)[0] / lever
+    return u
 
 
-def tabulated(deflections: Array, loads: Array) -> Tabulated | None:
-    """The law of `loads_up_to` and their deflections ``(n,)``, from no load on; None where they do not rise."""
-    u = deflections - deflections[len(SHARES)]
-    return Tabulated(tuple(map(float, u)), tuple(map(float, loads))) if (np.diff(u) > 0.0).all() else None
+def tabulated(deflection: Callable[[Array], Array], most: float) -> Tabulated | None:
+    """The law of deflections by loads ``(n,)``, from no load on; None where they do not grow with the load.
+
+    It is known up to ``most``. There are pairs at `SHARES` of that, and between them where it would else err by
+    more than `TABLE_ERROR`.
+    """
+    loads = most * np.concatenate([-SHARES[::-1], [0.0], SHARES])
+    for _ in range(REFINED):
+        u = deflection(loads) - deflection(np.zeros(1))
+        if not (np.diff(u) > 0.0).all():
+            return None
+        law = Tabulated(tuple(map(float, u)), tuple(map(float, loads)))
+        between = 0.5 * (loads[1:] + loads[:-1])
+        exact = deflection(between) - deflection(np.zeros(1))
+        off = np.abs(law.force(exact) - between) / np.maximum(law.tangent(exact), 1e-300)
+        poor = off > TABLE_ERROR * float(np.ptp(u))
+        if not poor.any():
+            break
+        loads = np.sort(np.concatenate([loads, between[poor]]))
+    return law
 
 
 def extended_text(

@@ -37,7 +37,7 @@ from vjm_updating.diagnosis.kinds import JointTest, joint_effects, not_reached, 
 from vjm_updating.diagnosis.preprocess import Prepared, prepare
 from vjm_updating.diagnosis.search import RIVAL
 from vjm_updating.experiment import Measurement
-from vjm_updating.experiment.comparison import one_sided
+from vjm_updating.experiment.comparison import channels_of, levers_of, one_sided
 from vjm_updating.inference.bounded_normal import inverse
 from vjm_updating.inference.fitting import Fit, LeastSquaresProblem
 from vjm_updating.inference.joint_forward import JointCompliance, JointForward, JointHardening, JointThreeSlopes
@@ -167,9 +167,18 @@ def _seen(measurement: Measurement) -> str:
     return f"Loads in both directions see {joint}'s spring, backlash and friction."
 
 
+def _largest(measurement: Measurement) -> float:
+    """Largest load of a test on the joint, N mm, or N where it slides."""
+    lever, _, of_load = levers_of(measurement)
+    _, effort = channels_of(measurement)
+    return lever * float(np.nanmax(np.abs(measurement.readings.values[effort]))) / of_load
+
+
 def _parameters(measurement: Measurement, values: Mapping[str, ValueRow]) -> list[ParameterRow]:
     """Stiffnesses, hardening, backlash and friction; what shapes their laws is not among them."""
-    joint, nominal = measurement.drive, 1.0 / measurement.joint_compliance
+    joint = measurement.drive
+    nominal = 1.0 / joint.compliance if joint.law is None else joint.law.rest_stiffness
+    ratio = 1.0 if joint.law is None else joint.law.tangent(joint.law.deflection(_largest(measurement))) / nominal
     turns = not joint.slides
     soft, gap, slip = (
         ("compliance_rad_per_Nmm", "gap_rad", "torque_Nmm")
@@ -184,14 +193,15 @@ def _parameters(measurement: Measurement, values: Mapping[str, ValueRow]) -> lis
         stiff = ValueRow(value=1.0 / c.value, std=c.std / c.value**2, interval95=ends)
         rows += [
             ("stiffness", stiffness, nominal, stiff),
-            ("stiffness_ratio", "1", 1.0, values["actuator_hardening.stiffness_ratio"]),
+            ("stiffness_ratio", "1", float(ratio), values["actuator_hardening.stiffness_ratio"]),
         ]
     else:
         before = joint.law.numbers() if isinstance(joint.law, StrainWave) else {}
         for name, key in StrainWave.keys(slides=joint.slides).items():
             if (own := values.get(f"{JointThreeSlopes.cause}.{key}")) is not None:
                 of_torque = name in ("T1", "T2")
-                drawn = before.get(name, 0.0 if of_torque else nominal)
+                # of another law the slope at no load alone is drawn
+                drawn = before.get(name, nominal if name == "K1" or (joint.law is None and not of_torque) else 0.0)
                 rows.append((name, moment if of_torque else stiffness, drawn, own))
     lost = values.get(f"actuator_backlash.{gap}")
     rows += [

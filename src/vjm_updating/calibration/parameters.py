@@ -372,9 +372,9 @@ def _length(own: FitParameter) -> Change:
 
 def _softness(name: str, part: Joint, what: str, length: float) -> tuple[list[CalibrationParameter], Change]:
     """The coordinate of one spring's compliance; a rigid one's unit is `SOFT_DRIVE`, at the ``length``."""
-    if part.matrix is not None:
+    if part.matrix is not None and part.law is None:
         raise ValueError(f"parameter '{name}': {part.name} has a whole 6×6, which is not looked for")
-    known = ABOUT[:1] if part.passive or part.fixed else ABOUT
+    known = ABOUT[:1] if part.passive or part.fixed or part.matrix is not None else ABOUT
     if what not in known:
         raise ValueError(
             f"parameter '{name}': {part.name} has the parameters {', '.join(f'{part.name}.{k}' for k in known)}"

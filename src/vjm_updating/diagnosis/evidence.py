@@ -76,9 +76,8 @@ def criterion(
     cost = free * float(np.log(samples)) + choice(fit.hypothesis, effects, costs)
     A = fitter.normal(fit)
     covariance = inverse(A, uncertain(fit.parameters))
-    spread = np.maximum(np.diag(covariance), 1e-300)
     # the other costs take in what lies beyond bounds
-    cost -= 2.0 * float(np.sum(_within_bounds(fit, spread**0.5, fitter.pressure(fit))))
+    cost -= 2.0 * float(np.sum(_within_bounds(fit, np.diag(covariance), fitter.pressure(fit))))
     if costs.off_sheet:
         # by a density of heavy tails, as of shapes: what is far off is rare and not impossible
         freed = [i for i, c in enumerate(fit.parameters) if c.of_instrument and not np.isfinite(c.sigma)]
@@ -97,23 +96,24 @@ def criterion(
     return fit.objective + cost
 
 
-def _within_bounds(fit: Fit, std: Array, pressure: Array) -> Array:
+def _within_bounds(fit: Fit, variance: Array, pressure: Array) -> Array:
     """Logarithm ``(n_z,)`` of the share of each coordinate's posterior within its bounds, over that of its prior.
 
-    The posterior is normal with the ``std`` (n_z,) about the fit; of one that presses against a bound only the tail
-    within it is left. Where readings say nothing the two shares are one, and it is zero.
+    The posterior is normal with the ``variance`` (n_z,) about the fit; of one that presses against a bound only the
+    tail within it is left. Where readings say nothing, or the variance is zero, bounds cost nothing.
     """
     low, high, mean, sigma = (
         np.array([getattr(c, name) for c in fit.parameters]) for name in ("low", "high", "mean", "sigma")
     )
-    pressed, free = pressure * std, std > 1e-150
-    ends = (np.where(free, (end - fit.evaluation.z) / std, np.copysign(np.inf, end)) for end in (low, high))
-    posterior = np.where(pressed > 0.0, log_beyond(pressed), log_share(*ends))
-    # of heavy tails, as of shapes; of a coordinate without a spread all that the bounds leave
+    known = variance > 0.0
+    std = np.sqrt(np.where(known, variance, 1.0))
+    below, above = (np.clip((end - fit.evaluation.z) / std, -NOTHING_LEFT, NOTHING_LEFT) for end in (low, high))
+    posterior = np.where(pressure > 0.0, log_beyond(pressure * std), log_share(below, above))
+    # of heavy tails, as of shapes
     shape = np.isfinite(sigma) & (sigma > 0.0)
     scale = np.where(shape, sigma, 1.0)
     prior_share = (np.arctan((high - mean) / scale) - np.arctan((low - mean) / scale)) / np.pi
-    return posterior - np.where(shape, np.log(prior_share), 0.0)
+    return np.where(known, posterior - np.where(shape, np.log(prior_share), 0.0), 0.0)
 
 
 def narrowed(covariance: Array, weight: Array, spread: Array, most: float = np.inf) -> float:
@@ -324,6 +324,8 @@ ESTIMATE_DRAWS = numerical(512)
 """Of the coordinates, from which an interval follows."""
 THINNED = numerical(15)
 """Of the draws from a truncated distribution, each how many-th is taken: about as many."""
+NOTHING_LEFT = numerical(30.0)
+"""Standard deviations beyond which nothing of a normal distribution is left."""
 PARTS = numerical(8)
 """Of an interval, over which draws are counted for a density."""
 LIMITS: Mapping[tuple[bool, bool], str] = {

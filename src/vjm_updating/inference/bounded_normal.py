@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
-from scipy.special import log_ndtr, ndtri_exp
+from scipy.special import erfcx, log_ndtr, ndtri_exp
 
 from vjm.rotations import Array
 from vjm_updating.constants import numerical
@@ -79,7 +79,7 @@ def log_beyond(slope: Array) -> Array:
         >>> round(float(np.exp(log_beyond(np.zeros(1)))[0]), 3)
         0.5
     """
-    return 0.5 * slope**2 + log_ndtr(-slope)
+    return np.asarray(np.log(0.5 * erfcx(slope / np.sqrt(2.0))))
 
 
 def log_share(low: Array, high: Array) -> Array:

@@ -76,6 +76,8 @@ def profile_interval(fitter: LeastSquaresProblem, fit: Fit, index: int, covarian
     """
     coordinate, z = fit.parameters[index], float(fit.evaluation.z[index])
     std = float(covariance[index, index]) ** 0.5
+    if std == 0.0:
+        return ProfileInterval(z, z, (True, True))
     along = covariance[:, [index]] / covariance[index, index]
     by, known, by_readings = rise(fitter, fit, [index], along), {z: 0.0}, list[bool]()
     for way in (-1.0, 1.0):

@@ -16,7 +16,7 @@ from vjm.io.fields import Table, Turns, rotation
 from vjm.io.schema import Label
 from vjm.model.laws import Law, Tabulated
 from vjm.rotations import Array, rotation_from_vector, rotation_vector
-from vjm_updating.calibration.calibrated_model import loads_up_to, tabulated
+from vjm_updating.calibration.calibrated_model import tabulated
 from vjm_updating.constants import numerical, physical_bound, prior_scale
 from vjm_updating.experiment.data_file import WRENCH, DataTable, beyond_turn
 from vjm_updating.inference.significance import median_sigma
@@ -450,13 +450,17 @@ def law_of_joint(
     (c,) = (s.span[0] for s in study.machine.springs if s.part == joint and s.kind == OWN)
     forwards = [one.forward() for one in study.groups]
     loaded = [one.loaded if isinstance(one, DeflectionForward) else one for one in forwards]
-    torque = loads_up_to(max(float(np.abs(one.bearing()[:, c]).max()) for one in loaded))
-    turned = compliance * torque
-    if law is not None:
-        turned = turned + [law.deflection(load) for load in torque.tolist()]
-    for family in LAWS:
-        turned = turned + values.get(f"{family}.{joint}", 0.0) * by_law(family, torque, study.torques[c])
-    return tabulated(turned, torque)
+
+    def turned(torque: Array) -> Array:
+        result = compliance * torque
+        if law is not None:
+            result = result + [law.deflection(load) for load in torque.tolist()]
+        for family in LAWS:
+            # however small a torque is, it presses to a side
+            result = result + values.get(f"{family}.{joint}", 0.0) * by_law(family, torque, 0.0)
+        return result
+
+    return tabulated(turned, max(float(np.abs(one.bearing()[:, c]).max()) for one in loaded))
 
 
 def _of_joints(machine: PoseMachine, forward: DeflectionForward, scale: Array) -> list[FamilyParameter]:

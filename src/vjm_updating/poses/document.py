@@ -370,6 +370,8 @@ def lines(calibration: PoseCalibration) -> list[str]:
         result += _intervals_are(calibration)
     result += of_asked(calibration)
     result += _written(calibration.written, "" if diagnosis else BY_FORCE)
+    lacks = [one for one in calibration.not_in_model if one not in calibration.written.without]
+    result += [f"not in the model file: {one}" for one in lacks]
     result += [
         f"next, {one.criterion}-optimal: {len(one.q)} postures make the members' standard deviations "
         f"{one.members:.2f} of theirs, those of predictions {one.prediction:.2f}"

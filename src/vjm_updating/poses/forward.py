@@ -214,7 +214,13 @@ class PoseForward(SeriesForward):
         """
         arrays, values = self._changed(z)
         x, forces, R, p = self._solve(arrays, values)
-        d = frame_derivatives(arrays, values, self._natural, self.wrench, x, self._closures)
+        try:
+            d = frame_derivatives(arrays, values, self._natural, self.wrench, x, self._closures)
+        except NoConvergenceError as error:
+            raise NoConvergenceError(
+                f"{self.data.file}: {error}. Within a clearance nothing holds a joint: give gravity, or "
+                "the law a stiffness there"
+            ) from error
         return R, p, self._columns(z, arrays, x, forces, d), forces
 
     def unloaded(self) -> tuple[Array, Array]:

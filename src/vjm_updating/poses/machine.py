@@ -298,11 +298,17 @@ class PoseMachine:
         return result
 
 
+class RestOfLaw(Tabulated):
+    """What a law deflects by beyond a straight spring: its force may stay the same over a stretch."""
+
+    def check(self) -> None:
+        """Nothing is refused: it follows from a law."""
+
+
 def straight_and_rest(law: Law) -> tuple[float, Law]:
     """A straight spring and a law that are a law in series, so that the first may be found stiffer or softer.
 
-    It has the compliance that the law has where it is stiffest, rad/(N mm) or mm/N, less what `LEFT` says. A law
-    that has no slope somewhere stays whole, and the straight spring is rigid.
+    It has the compliance that the law has where it is stiffest, rad/(N mm) or mm/N, less what `LEFT` says.
     """
     ends = law.curve.knots
     # straight beyond its knots, from just behind them
@@ -311,10 +317,8 @@ def straight_and_rest(law: Law) -> tuple[float, Law]:
     count = 1 + -(-PAIRS // max(len(ends) - 1, 1))
     places = np.unique(np.concatenate([beyond, *(np.linspace(a, b, count) for a, b in pairwise(ends))]))
     forces = np.where(places == 0.0, 0.0, law.force(places))
-    if not (np.diff(forces) > 0.0).all():
-        return 0.0, law
-    compliance = (1.0 - LEFT) * float(np.min(np.diff(places) / np.diff(forces)))
-    return compliance, Tabulated(tuple(map(float, places - compliance * forces)), tuple(map(float, forces)))
+    compliance = (1.0 - LEFT) / float(np.max(np.diff(forces) / np.diff(places)))
+    return compliance, RestOfLaw(tuple(map(float, places - compliance * forces)), tuple(map(float, forces)))
 
 
 def with_coupling(chain: Machine, joint: str, *, as_deflected: bool) -> Machine:

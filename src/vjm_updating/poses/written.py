@@ -386,7 +386,8 @@ def _springs(study: Study) -> Iterator[tuple[str, float]]:
     straight = {spring.part: spring.nominal for spring in study.machine.springs if spring.kind == OWN}
     for part in study.machine.chain.parts:
         if isinstance(part, Joint) and not part.passive:
-            own = part.compliance if part.law is None else straight[part.name]
+            # beside a 6×6 the law is whole
+            own = part.compliance if part.law is None else straight.get(part.name, 0.0)
             if part.law is not None and study.sheet.test.rigid:
                 own = 1.0 / part.law.largest_stiffness
             yield f"{DRIVES}.{part.name}", 0.0 if study.sheet.at_output else own

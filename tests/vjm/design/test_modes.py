@@ -50,6 +50,27 @@ def test_a_cantilever_converges_with_the_fourth_order(cantilever, segments):
     assert found.verdict is ModesVerdict.STABLE
 
 
+def test_a_motion_without_stiffness_hides_no_other():
+    """An arm whose elbow is free, and one whose elbow has a spring of next to nothing."""
+
+    def frequencies(stiffness):
+        link = translation([300.0, 0.0, 0.0])
+        elbow = Joint("elbow", Y, passive=True, compliance=1.0 / stiffness if stiffness else 0.0)
+        parts = (
+            Joint("waist", Z, compliance=2e-8), RigidOffset("column", translation([0.0, 0.0, 200.0])),
+            Joint("shoulder", Y, compliance=3e-8), RigidOffset("upper", link, 3.0, np.array([150.0, 0.0, 0.0])),
+            elbow, RigidOffset("fore", link, 2.0, np.array([200.0, 0.0, 0.0])),
+        )  # fmt: skip
+        return modes(vjm.build("arm", parts, {"out": {"waist": 0.0, "shoulder": 0.0, "elbow": 0.0}})).frequencies
+
+    free, soft = frequencies(0.0), frequencies(1e-3)
+    assert free[0] == 0.0
+    assert 0.0 < soft[0] < 0.1
+    assert len(free) == len(soft) == 3
+    # a spring of 1e-3 N mm/rad beside those of 1e7
+    np.testing.assert_allclose(free[1:], soft[1:], rtol=1e-8)
+
+
 def test_the_order_is_four(cantilever):
     coarse, fine = (
         (modes(cantilever(), engine=VjmEngine(n)).frequencies[0] / UNIT) ** 2 / CANTILEVER[0] ** 4 - 1.0

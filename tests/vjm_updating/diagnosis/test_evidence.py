@@ -127,9 +127,11 @@ def test_a_cause_that_may_as_well_be_nothing_costs_what_a_false_alarm_is_worth(s
 def test_a_cause_costs_as_much_just_inside_of_a_bound_as_at_it():
     drive = ActuatorCompliance()
 
-    def cost(z, pressure):
+    def cost(z, pressure, precision=1.0):
         fitter = SimpleNamespace(
-            forward=SimpleNamespace(), normal=lambda fit: np.eye(1), pressure=lambda fit: np.array([pressure])
+            forward=SimpleNamespace(),
+            normal=lambda fit: np.array([[precision]]),
+            pressure=lambda fit: np.array([pressure]),
         )
         at = SimpleNamespace(z=np.array([z]))
         fit = SimpleNamespace(
@@ -141,6 +143,8 @@ def test_a_cause_costs_as_much_just_inside_of_a_bound_as_at_it():
     assert cost(1e-6, 0.0) == pytest.approx(cost(0.0, 0.0), abs=5e-6)
     assert cost(0.0, 1e-6) == pytest.approx(cost(0.0, 0.0), abs=5e-6)
     assert cost(0.0, 2.0) > cost(0.0, 0.0) > cost(2.0, 0.0)
+    # nothing known, or all
+    assert np.isfinite([cost(3.0, 0.0, 0.0), cost(3.0, 0.0, 1e-290), cost(3.0, 0.0, 1e290), cost(0.0, 1e9)]).all()
 
 
 # A search by evidence on a made-up test whose cause is known.
