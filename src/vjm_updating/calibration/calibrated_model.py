@@ -423,12 +423,14 @@ def tabulated(deflection: Callable[[Array], Array], most: float) -> Tabulated | 
     """
     loads = most * np.concatenate([-SHARES[::-1], [0.0], SHARES])
     for _ in range(REFINED):
-        u = deflection(loads) - deflection(np.zeros(1))
+        u = deflection(loads)
+        rest = float(u[loads == 0.0][0])
+        u = u - rest
         if not (np.diff(u) > 0.0).all():
             return None
         law = Tabulated(tuple(map(float, u)), tuple(map(float, loads)))
         between = 0.5 * (loads[1:] + loads[:-1])
-        exact = deflection(between) - deflection(np.zeros(1))
+        exact = deflection(between) - rest
         off = np.abs(law.force(exact) - between) / np.maximum(law.tangent(exact), 1e-300)
         poor = off > TABLE_ERROR * float(np.ptp(u))
         if not poor.any():

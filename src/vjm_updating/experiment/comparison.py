@@ -7,13 +7,15 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
 
 from vjm.errors import NoConvergenceError
 from vjm.model.load_case import LoadCase
+from vjm.model.machine import Machine
+from vjm.model.parts import Joint
 from vjm.rotations import Array
 from vjm_updating.constants import numerical, physical_bound, prior_scale, stated_level
 from vjm_updating.experiment.data_file import EFFORT, MOTION, POSE, WRENCH, split_point, unit_of
@@ -64,6 +66,18 @@ class Comparison(ABC):
         lever = {"Nmm": 1.0 / length, "rad": length}
         self.unit = np.array([lever.get(unit_of(name), 1.0) for name in columns])
         self.slope = lru_cache(maxsize=None)(self._slope)
+
+    @property
+    def straight(self) -> Machine:
+        """The model with laws of joints as they are where they are stiffest, as beyond a clearance."""
+        chain = self.measurement.chain
+        parts = (
+            replace(part, law=None, compliance=part.compliances[0])
+            if isinstance(part, Joint) and part.law is not None and part.matrix is None
+            else part
+            for part in chain.parts
+        )
+        return replace(chain, parts=tuple(parts)) if chain.laws else chain
 
     @abstractmethod
     def _slope(self, posture: str) -> Array:
@@ -228,7 +242,11 @@ class ByLoads(Comparison):
         """Compliance ``(m, 6)``; see `Comparison`."""
         m = self.measurement
         table = load_table(
-            ModifiedMachine(m.chain, m.engine), HalfRay.of(posture, np.eye(6)[0], SMALL), (), m.free, self.gauges
+            ModifiedMachine(self.straight, m.engine),
+            HalfRay.of(posture, np.eye(6)[0], SMALL),
+            (),
+            m.free,
+            self.gauges,
         )
         return table.compliance[0]
 
@@ -354,7 +372,7 @@ class ByDisplacements(Comparison):
     def _slope(self, posture: str) -> Array:
         """Stiffness ``(6, 6)``; see `Comparison`."""
         m = self.measurement
-        return np.asarray(m.engine.problem(m.chain, LoadCase(posture, 1.0)).unloaded().stiffness)
+        return np.asarray(m.engine.problem(self.straight, LoadCase(posture, 1.0)).unloaded().stiffness)
 
     def _tabulated(self, half: HalfRay) -> PathTable | None:
         """Equilibria along half a ray; None where the machine does not stand there."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
+from itertools import pairwise
 
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline, CubicSpline
@@ -371,6 +372,8 @@ def _trace_loaded(problem: LumpedProblem, grid: Array) -> tuple[Array, Array, Ar
 
 LOAD_NODES = numerical(8)
 """Steps along half a ramp at most, half where it is smooth. Both cubics err by a step's fourth power."""
+CORNERS = numerical(8)
+"""How often steps are halved beside a corner of a law."""
 LOAD_ALIKE, TINY = numerical(1e-3), numerical(1e-9)
 """Of the largest value, by which one may be off that is found from every second equilibrium: all of them make a
 sixteenth of it. And what is nothing beside the largest value of all."""
@@ -438,16 +441,20 @@ class LoadedEquilibria:
     def smooth(self) -> bool:
         """Whether every second equilibrium is found from the others, readings and compliance."""
         columns = "s", "reading", "compliance", "carried", "wrench", "stiffness", "by_beam"
-        half = replace(self, **{name: getattr(self, name)[::2] for name in columns})
-        reading, compliance, *_ = half.at(self.s[1::2])
-        return all(
-            bool(
+        return not replace(self, **{name: getattr(self, name)[::2] for name in columns}).off(self)[1::2].any()
+
+    def off(self, finer: LoadedEquilibria) -> np.ndarray:
+        """Which equilibria ``(k,)`` of another table are not found from this one, readings and compliance."""
+        reading, compliance, *_ = self.at(finer.s)
+        return np.any(
+            [
                 (
-                    np.abs(a - b[1::2]) <= LOAD_ALIKE * np.maximum(np.abs(b).max(axis=0), TINY * np.abs(b).max())
-                ).all()
-            )
-            for a, b in ((reading, self.reading), (compliance, self.compliance))
-        )
+                    np.abs(a - b) > LOAD_ALIKE * np.maximum(np.abs(b).max(axis=0), TINY * np.abs(b).max())
+                ).reshape(len(b), -1).any(axis=1)
+                for a, b in ((reading, finer.reading), (compliance, finer.compliance))
+            ],
+            axis=0,
+        )  # fmt: skip
 
     @cached_property
     def _reading(self) -> CubicHermiteSpline:
@@ -497,16 +504,33 @@ def load_table(
         beam.name: [(own[where.start], where) for where in springs_of(model, beam.name)]
         for beam in model.chain.beams
     }
-    rest = problem.unloaded()
+    points: dict[float, Equilibrium] = {0.0: problem.unloaded()}
+    nodes = {0.0: _node(problem, points[0.0], probes, gauges, held, springs)}
+
+    def tabulated(s: list[float]) -> LoadedEquilibria:
+        """Of the states at ``s``, ascending, each gone to from that before it."""
+        for before, place in pairwise(s):
+            if place not in points:
+                points[place] = _reached(problem, points[before], place)
+                nodes[place] = _node(problem, points[place], probes, gauges, held, springs)
+        read, by_load, by_pose, wrench, K, by_beam = map(np.array, zip(*(nodes[place] for place in s), strict=True))
+        return LoadedEquilibria(np.array(s), read, by_load, by_pose, wrench, K, by_beam, np.array(half.direction))
+
     for steps in (LOAD_NODES // 2, LOAD_NODES):
-        s = np.linspace(0.0, half.reach, steps + 1)
-        nodes, point = [_node(problem, rest, probes, gauges, held, springs)], rest
-        for place in s[1:]:
-            point = _reached(problem, point, float(place))
-            nodes.append(_node(problem, point, probes, gauges, held, springs))
-        reading, by_load, by_pose, wrench, K, by_beam = (np.array(column) for column in zip(*nodes, strict=True))
-        table = LoadedEquilibria(s, reading, by_load, by_pose, wrench, K, by_beam, np.array(half.direction))
+        s = np.linspace(0.0, half.reach, steps + 1).tolist()
+        table = tabulated(s)
         if table.smooth:
+            return table
+    # laws of joints have corners: steps are halved where the middle of one is not what its ends let expect
+    poor = list(pairwise(s)) if machine.nominal.laws else []
+    for _ in range(CORNERS):
+        halves = [(a, 0.5 * (a + b), b) for a, b in poor]
+        s = sorted([*s, *(middle for _, middle, _ in halves)])
+        finer = tabulated(s)
+        off = dict(zip(s, table.off(finer).tolist(), strict=True))
+        poor = [half for a, middle, b in halves if off[middle] for half in ((a, middle), (middle, b))]
+        table = finer
+        if not poor:
             break
     return table
 

@@ -14,7 +14,7 @@ from helpers.file_texts import instruments_text, table_text
 from helpers.small_machines import lever
 
 from vjm.io.files import toml_text
-from vjm.model.laws import StrainWave
+from vjm.model.laws import Polynomial, StrainWave
 from vjm_updating import calibrate, diagnose, load_data
 from vjm_updating.data_set import as_joint_test
 from vjm_updating.diagnosis.document import Diagnosis, ValueRow
@@ -107,20 +107,36 @@ def test_three_formats_of_one_bench_get_one_answer(tmp_path, kind, seed):
         assert sorted(first.candidates[0].causes) == sorted(FOUND[kind])
 
 
+def with_law(law):
+    """The model with a law in the place of the elbow's compliance."""
+    model = tomllib.loads(MODEL)
+    part = next(part for part in model["parts"] if part["name"] == "elbow")
+    del part["compliance_rad_per_Nmm"]
+    part["law"] = law.table(slides=False)
+    return toml_text(model)
+
+
 def test_three_formats_get_one_answer_by_a_model_with_a_law(tmp_path):
-    answers = {}
+    answers, k = {}, 1.0 / MODELLED
     for name, files in written(tmp_path, "soft", 3).items():
-        k = 1.0 / MODELLED
-        law = StrainWave(K1=k, K2=1.1 * k, K3=1.2 * k, T1=1e4, T2=2e4).table(slides=False)
-        model = tomllib.loads(MODEL)
-        part = next(part for part in model["parts"] if part["name"] == "elbow")
-        del part["compliance_rad_per_Nmm"]
-        part["law"] = law
-        (tmp_path / "arm.toml").write_text(toml_text(model))
+        (tmp_path / "arm.toml").write_text(with_law(StrainWave(K1=k, K2=1.1 * k, K3=1.2 * k, T1=1e4, T2=2e4)))
         answers[name] = diagnose(load_data(*files)).figures
     first = answers["joint"]
     assert first.verdict in ("named", "class")
     assert all(said(other) == said(first) for other in answers.values())
+
+
+def test_a_calibration_is_compared_with_the_slope_of_the_law_at_no_load(tmp_path):
+    files, k = written(tmp_path, "soft", 3)["joint"], 1.0 / MODELLED
+    stiffer = Polynomial(K1=k, range=(-0.005, 0.005), K3=1e4 * k)
+    (tmp_path / "arm.toml").write_text(with_law(stiffer))
+    rows = {row.name: row for row in calibrate(load_data(*files)).figures.parameters}
+    row, ratio = rows["elbow.stiffness"], rows["elbow.stiffness_ratio"]
+    assert row.nominal == pytest.approx(k, rel=1e-9)
+    assert row.over_nominal == pytest.approx(MODELLED / SOFT, rel=0.05)
+    largest = stiffer.deflection(MOST * LEVER)
+    # the noise of the largest load that was read: a thousandth of a N of 90
+    assert ratio.nominal == pytest.approx(float(stiffer.tangent(largest)) / k, rel=1e-3)
 
 
 @pytest.mark.slow
