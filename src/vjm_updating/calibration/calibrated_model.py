@@ -376,10 +376,11 @@ def sites(
 def joint_laws(fitter: LeastSquaresProblem, fit: Fit, needless: Collection[str] = ()) -> dict[str, dict[str, Any]]:
     """Tables of laws by joints: the joint's spring, and in series with it all of a fit that has no history.
 
-    A joint has none where its own numbers say it, see `OWN_NUMBERS`, and where no law does: beside a 6×6, and where
-    the deflection does not grow with the load, as behind a free travel with rigid ends. A law is known up to the
-    largest load of the test. It counts from where the joint stands unloaded. Effects that are ``needless``, by
-    their labels, are not in it; a spring that is needless in the place of the joint's own is a straight one.
+    A joint has none where its own numbers say it, see `OWN_NUMBERS`, and where no law does. None does beside a 6×6,
+    unless the joint has a law already, nor where the deflection does not grow with the load, as behind a free
+    travel with rigid ends. A law is known up to the largest load of the test. It counts from where the joint stands
+    unloaded. Effects that are ``needless``, by their labels, are not in it; a spring that is needless in the place
+    of the joint's own is a straight one.
     """
     machine: ModifiedMachine = fitter.forward.machine(fit.parameters, fit.evaluation.z, fit.hypothesis)
     in_series: dict[str, list[Placed]] = {}

@@ -8,7 +8,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 
@@ -67,7 +67,7 @@ class Comparison(ABC):
         self.unit = np.array([lever.get(unit_of(name), 1.0) for name in columns])
         self.slope = lru_cache(maxsize=None)(self._slope)
 
-    @property
+    @cached_property
     def straight(self) -> Machine:
         """The model with laws of joints as they are where they are stiffest, as beyond a clearance."""
         chain = self.measurement.chain

@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Annotated, Literal, Self
+from typing import Annotated, Literal, Self, assert_never
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -27,6 +27,7 @@ from vjm_updating.poses.families import (
     MILLIMETRE,
     MILLIRADIAN,
     FamilyParameter,
+    LawFamily,
     members_of,
     value_member,
 )
@@ -418,12 +419,8 @@ def members_of_loads(
     return [*springs, *_of_joints(machine, forward, scale), *_zeros(data)]
 
 
-def by_law(family: str, torque: Array, scale: float) -> Array:
-    """What a unit of a family of `LAWS` turns its joint by, at torques ``(n,)`` of root mean square ``scale``.
-
-    Raises:
-        ValueError: it is none of these.
-    """
+def by_law(family: LawFamily, torque: Array, scale: float) -> Array:
+    """What a unit of a family turns its joint by, at torques ``(n,)`` of root mean square ``scale``."""
     match family:
         case "tension_compression_asymmetry":
             return np.abs(torque)
@@ -432,7 +429,7 @@ def by_law(family: str, torque: Array, scale: float) -> Array:
         case "actuator_backlash":
             return 0.5 * np.sign(np.where(np.abs(torque) > RESTS * scale, torque, 0.0))
         case _:
-            raise ValueError(f"{family} is no law of a joint's spring")
+            assert_never(family)
 
 
 def law_of_joint(
@@ -474,7 +471,7 @@ def _of_joints(machine: PoseMachine, forward: DeflectionForward, scale: Array) -
         over, before = loaded[:, c], still[:, c]
         size, of, by = (MILLIMETRE, "mm", "N") if spring.slides else (MILLIRADIAN, "rad", "(N mm)")
         # values of one scale turn the joint by as much under the root mean square torque, whatever their dimension
-        units = {
+        units: dict[LawFamily, tuple[float, str]] = {
             "actuator_hardening": (size / scale[c] ** 3, f"{of}/{by}³"),
             "tension_compression_asymmetry": (size / scale[c], f"{of}/{by}"),
             "actuator_backlash": (size, of),

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Literal, TypeAlias
 
 import numpy as np
 
@@ -100,7 +101,8 @@ TITLES = {
 """What each is, for people."""
 LARGEST = {"gravity": 2.0, "joint_offset": 100.0, "temperature": 10.0}
 """Sizes of families beyond which they are not physical: 20 % of the weights, 100 mrad or 10 mm, 1e-4 per K."""
-LAWS = ("tension_compression_asymmetry", "actuator_hardening", "actuator_backlash")
+LawFamily: TypeAlias = Literal["tension_compression_asymmetry", "actuator_hardening", "actuator_backlash"]
+LAWS: tuple[LawFamily, ...] = ("tension_compression_asymmetry", "actuator_hardening", "actuator_backlash")
 """What a joint's spring has beyond its compliance, functions of its torque."""
 SECOND = ("gear_error", "approach", "encoder_scale", "tracker_drift", "temperature", *LAWS, "instrument_zero")
 """Functions of the posture, of the torque or of the clock."""

@@ -389,7 +389,7 @@ def _springs(study: Study) -> Iterator[tuple[str, float]]:
             # beside a 6×6 the law is whole
             own = part.compliance if part.law is None else straight.get(part.name, 0.0)
             if part.law is not None and study.sheet.test.rigid:
-                own = 1.0 / part.law.largest_stiffness
+                own = part.compliances[0]
             yield f"{DRIVES}.{part.name}", 0.0 if study.sheet.at_output else own
             for label, compliance in zip(LATERAL, part.lateral, strict=True):
                 yield f"lateral_compliance.{part.name}.{label}", compliance

@@ -67,7 +67,7 @@ def test_a_motion_without_stiffness_hides_no_other():
     assert free[0] == 0.0
     assert 0.0 < soft[0] < 0.1
     assert len(free) == len(soft) == 3
-    # a spring of 1e-3 N mm/rad beside those of 1e7
+    # a spring of 1e-3 N mm/rad beside those of 1e7 changes them by 1e-10; eigenvalues are rounded by 1e-9
     np.testing.assert_allclose(free[1:], soft[1:], rtol=1e-8)
 
 

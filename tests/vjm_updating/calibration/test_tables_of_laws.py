@@ -20,9 +20,9 @@ def test_a_table_keeps_the_corners_of_what_it_stands_for():
     torque = torque[torque != 0.0]
     found = np.array([law.deflection(t) for t in torque.tolist()])
     assert np.abs(found - wound_up(torque)).max() < 4.0 * TABLE_ERROR * np.ptp(wound_up(torque))
-    # the tangent beside a corner is that of its own side
+    # the tangent beside a corner is that of its own side; a cubic's slope errs by more than its place, 0.2 % here
     for t in (1.4e4, 1.6e4, 4.8e4, 5.2e4):
-        assert law.tangent(law.deflection(t)) == pytest.approx(GEAR.tangent(GEAR.deflection(t)), rel=0.01)
+        assert law.tangent(law.deflection(t)) == pytest.approx(GEAR.tangent(GEAR.deflection(t)), rel=5e-3)
 
 
 def test_there_is_none_where_more_load_would_deflect_less():
@@ -32,4 +32,5 @@ def test_there_is_none_where_more_load_would_deflect_less():
 def test_it_counts_from_no_load_whatever_rounding_says():
     law = tabulated(lambda torque: 1e-8 * torque + 1e-16 * len(torque), 8e4)
     assert float(law.force(0.0)) == 0.0
+    # rounding of pairs of 1e-14 beside deflections of 1e-4
     assert law.deflection(4e4) == pytest.approx(4e-4, rel=1e-9)

@@ -100,7 +100,8 @@ def test_what_a_sheet_gives_exactly_is_not_free():
     fit = SimpleNamespace(
         hypothesis=(drive,), parameters=found, evaluation=SimpleNamespace(z=np.array([0.0, 3.0])), objective=50.0
     )
-    # three standard deviations of one: something acts, and costs its one parameter, and what lies below none
+    # three standard deviations of one: something acts, and costs its one parameter, and what lies below none;
+    # rounding of sums of a few tens
     expected = 50.0 + np.log(200.0) - 2.0 * norm.logcdf(3.0 * alike[1, 1] ** 0.5)
     assert criterion(fitter, fit, (drive,), 200.0) == pytest.approx(expected, rel=1e-12)
 
