@@ -129,7 +129,8 @@ def of_own(truth: dict[str, Any]) -> Truth:
         strength=min((float(one["strength"]) for one in hidden), default=None),
         alike=frozenset(admitted(truth)) if outside else frozenset(),
         parameters={
-            one["parameter"]: float(one["value"])
+            # the size of a tilt, whichever way it goes
+            one["parameter"]: abs(one["value"]) if one["parameter"].endswith("angle_rad") else float(one["value"])
             for one in hidden
             if one["parameter"]
             and one["value"] is not None

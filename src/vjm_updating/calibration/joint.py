@@ -135,7 +135,7 @@ def _fitted(prepared: Prepared, kind: JointTest) -> Fit:
 
 def _document(measurement: Measurement, solution: JointSolution) -> Calibration:
     fit, nuisances = solution.fit, nuisance_rows(solution)
-    values = estimates(solution.fitter, fit, 0.0)
+    values = estimates(solution.fitter, fit)
     beyond = not_reached(solution.everything, values)
     guessed = "The second kink of its slopes was not reached: K3 and T2 are as catalogues have them."
     # each coordinate in its own unit

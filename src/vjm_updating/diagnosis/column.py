@@ -80,7 +80,7 @@ class ColumnBow(LinkBow):
         """Built with the bow."""
         return machine.with_bow(link_of(machine.nominal), values[0], 0.0)
 
-    def reported(self, values: Sequence[float], force: float) -> dict[str, float]:
+    def reported(self, values: Sequence[float]) -> dict[str, float]:
         """Amplitude, and the side."""
         return {
             "link_bow.amplitude_mm": abs(float(values[0])),

@@ -11,18 +11,20 @@ import numpy as np
 from vjm.rotations import Array
 from vjm_updating.constants import numerical
 from vjm_updating.diagnosis.screening import Projection, projection
+from vjm_updating.inference.bounded_normal import inverse
 from vjm_updating.inference.fitting import Fit, LeastSquaresProblem, prior, weighed
 from vjm_updating.inference.model_error import (
     driven_place,
     integrated,
     likeliest,
     loading,
+    mean_square,
     principal,
     smooth_shapes,
     sudden_shapes,
 )
 from vjm_updating.inference.observed import Observed
-from vjm_updating.inference.parameters import coordinates, of_effect, release_key
+from vjm_updating.inference.parameters import coordinates, of_effect, release_key, uncertain
 from vjm_updating.inference.significance import NOISE_KNOWN, chi2_isf, chi2_sf
 
 SEEN = numerical(1e-6)
@@ -110,14 +112,41 @@ def spectrum(fitter: LeastSquaresProblem, fit: Fit, space: Projection, explained
         Directions ``(N, k)``, and the standard deviation ``(k,)`` along each, in units of the noise, of laws that
         are wrong by their own size.
     """
+    return _principal(space, law_columns(fitter, fit, explained))
+
+
+def law_columns(fitter: LeastSquaresProblem, fit: Fit, explained: float) -> Array:
+    """What laws of a fit that are wrong by their own size do to the readings ``(N, k)``, whitened."""
     made = responses(fitter, fit, explained)
     shapes, _ = smooth_shapes(fitter.forward.observed)
     if not made.shape[2] or not shapes.shape[1]:
+        return np.zeros((int(fitter.whitening.present.sum()), 0))
+    return _columns(fitter, made, shapes)
+
+
+def _principal(space: Projection, columns: Array) -> tuple[Array, Array]:
+    """Directions and sizes of a discrepancy, see `spectrum`."""
+    if not columns.shape[1]:
         return np.zeros((len(space.residual), 0)), np.zeros(0)
-    columns = _columns(fitter, made, shapes)
     columns = space.rest(np.vstack([columns, np.zeros((len(space.residual) - space.rows, columns.shape[1]))]))
     turn, sizes = principal(columns.T @ columns)
     return columns @ turn / sizes, sizes
+
+
+def law_covariance(fitter: LeastSquaresProblem, fit: Fit, law_error: float, explained: float) -> Array:
+    """What laws that are not quite right add to the covariance of a fit's z ``(n_z, n_z)``.
+
+    The fit follows what they do wrong as it follows noise. How wrong they are is known by what the fit leaves: the
+    mean square of the relative error, given that and its prior of the scale ``law_error``.
+    """
+    columns = law_columns(fitter, fit, explained)
+    if law_error == 0.0 or not columns.shape[1]:
+        return np.zeros((len(fit.parameters), len(fit.parameters)))
+    space = projection(fitter, fit)
+    directions, sizes = _principal(space, columns)
+    follows = inverse(fitter.normal(fit), uncertain(fit.parameters)) @ fitter.whitening.flat(fit.jacobian).T
+    wrong = mean_square(sizes, directions.T @ space.residual, law_error) ** 0.5 * follows @ columns
+    return wrong @ wrong.T
 
 
 @dataclass(frozen=True)

@@ -339,18 +339,21 @@ DIRECTION = "direction_rad"
 """Last word of parameters that are angles all round."""
 
 
-def estimates(fitter: LeastSquaresProblem, fit: Fit, force: float) -> dict[str, ValueRow]:
+def estimates(fitter: LeastSquaresProblem, fit: Fit, by_laws: Array | None = None) -> dict[str, ValueRow]:
     """The parameters of a fit under docs/measured-data.md's names.
 
     Errors are taken as normal in the fit's own coordinates, where they nearly are; the intervals are of what is
     reported, which may be no straight function of them: a vector's size grows by errors in whatever direction.
+    ``by_laws`` (n_z, n_z) is what laws that are not quite right add to the coordinates' covariance, see
+    `vjm_updating.diagnosis.discrepancy.law_covariance`.
     """
-    covariance = covariance_of(fitter, fit)
+    known = _inverse(fitter, fit)
+    covariance = known * _inflation(fitter, fit) + (0.0 if by_laws is None else by_laws)
     push = _beyond_bounds(fitter, fit)
     result: dict[str, ValueRow] = {}
     for i, effect in enumerate(fit.hypothesis):
         key = release_key(effect)
-        values = _reported(fit, fit.evaluation.z, i, force)
+        values = _reported(fit, fit.evaluation.z, i)
         own = (
             of_effect(fit.parameters, i)
             if key is None
@@ -362,7 +365,7 @@ def estimates(fitter: LeastSquaresProblem, fit: Fit, force: float) -> dict[str, 
         slopes = {name: np.zeros(len(own)) for name in values}
         for k in range(len(own)):
             h = 1e-5 * max(1.0, abs(float(z[k])))
-            for name, value in _with(fit, own, z + h * np.eye(len(own))[k], i, force).items():
+            for name, value in _with(fit, own, z + h * np.eye(len(own))[k], i).items():
                 slopes[name][k] = (value - values[name]) / h
         block = covariance[np.ix_(own, own)]
         if effect.extent > 1:
@@ -370,7 +373,7 @@ def estimates(fitter: LeastSquaresProblem, fit: Fit, force: float) -> dict[str, 
             block = block * np.outer(shrunk, shrunk)
         low, high = (np.array([getattr(fit.parameters[k], end) for k in own]) for end in ("low", "high"))
         bounded, errors = _errors(block, low - z, high - z, push[own])
-        drawn = [_with(fit, own, z + d, i, force) for d in errors]
+        drawn = [_with(fit, own, z + d, i) for d in errors]
         for name, value in values.items():
             std = max(float(slopes[name] @ block @ slopes[name]), 0.0) ** 0.5
             off = np.array([draw[name] for draw in drawn]) - value
@@ -380,9 +383,7 @@ def estimates(fitter: LeastSquaresProblem, fit: Fit, force: float) -> dict[str, 
                     # more than of an angle of which nothing is known: all are as likely
                     std, off = ALL_ROUND, np.linspace(-np.pi, np.pi, len(off))
             if bounded and effect.extent == 1:
-                ends = [
-                    _with(fit, own, end, i, force)[name] - value for end in (low, high) if np.isfinite(end).all()
-                ]
+                ends = [_with(fit, own, end, i)[name] - value for end in (low, high) if np.isfinite(end).all()]
                 least, most = credible(off, ends)
                 least, most = min(least, 0.0), max(most, 0.0)
             else:
@@ -397,9 +398,10 @@ def estimates(fitter: LeastSquaresProblem, fit: Fit, force: float) -> dict[str, 
         for k in own[effect.extent :] if key is None else ():
             alone = [name for name, slope in slopes.items() if slope[own.index(k)] and np.count_nonzero(slope) == 1]
             if alone:
-                profile = profile_interval(fitter, fit, k, covariance)
+                inflation = float(covariance[k, k] / max(known[k, k], 1e-300))
+                profile = profile_interval(fitter, fit, k, covariance, inflation)
                 reported = [
-                    (_with(fit, [k], np.array([end]), i, force), by_readings)
+                    (_with(fit, [k], np.array([end]), i), by_readings)
                     for end, by_readings in zip((profile.low, profile.high), profile.by_readings, strict=True)
                 ]
                 for name in alone:
@@ -486,19 +488,19 @@ def _normal(covariance: Array) -> Array:
     return ndtri(even) * np.sqrt(np.maximum(sizes, 0.0)) @ axes.T
 
 
-def _with(fit: Fit, own: Sequence[int], z: Array, index: int, force: float) -> dict[str, float]:
+def _with(fit: Fit, own: Sequence[int], z: Array, index: int) -> dict[str, float]:
     """What is reported with some coordinates ``own`` at ``z`` instead."""
     point = fit.evaluation.z.copy()
     point[list(own)] = z
-    return _reported(fit, point, index, force)
+    return _reported(fit, point, index)
 
 
-def _reported(fit: Fit, z: Array, index: int, force: float) -> dict[str, float]:
+def _reported(fit: Fit, z: Array, index: int) -> dict[str, float]:
     effect = fit.hypothesis[index]
     values = values_of(fit.parameters, z, fit.hypothesis)[index]
     key = release_key(effect)
     if key is None:
-        said = effect.reported(values, force)
+        said = effect.reported(values)
         return {_named(fit, index, name.removeprefix(f"{effect.cause}.")): v for name, v in said.items()}
     name = {"modulus": "factor", "length": "delta_mm"}.get(key[0], effect.part)
     return {_named(fit, index, name): float(values[0])}

@@ -269,7 +269,7 @@ class ColumnTest(RampTest):
             way
             for member in verdict.members
             for cause in sorted(member.causes - common)
-            if (way := direct(observed.measurement, posture, cause, estimates(fitter, member.fit, 0.0), load))
+            if (way := direct(observed.measurement, posture, cause, estimates(fitter, member.fit), load))
         ]
         if not ways:
             why = "turned over, a bow changes sides while errors of the instruments and the stiffness stay"

@@ -22,7 +22,7 @@ from vjm.model.parameters import compliance_factor
 from vjm.rotations import Array
 from vjm_updating.calibration.calibrated_model import extended_chain
 from vjm_updating.constants import numerical, prior_scale, shown
-from vjm_updating.diagnosis.document import CriticalPointRow, ExperimentRow, ValueRow
+from vjm_updating.diagnosis.document import NOTHING, CriticalPointRow, ExperimentRow, ValueRow
 from vjm_updating.diagnosis.evidence import Costs, ScoredModel
 from vjm_updating.diagnosis.experiment import propose
 from vjm_updating.diagnosis.holdout import HoldOut, hold_out, split_of
@@ -307,7 +307,7 @@ class RampTest:
         proposal = propose(fitter, [first.fit, *others.values()])
         if proposal is None:
             return ExperimentRow(why="no posture of the model separates them")
-        one, *rest = (" + ".join(sorted(causes)) for causes in (first.causes, *others))
+        one, *rest = (" + ".join(sorted(causes)) or NOTHING for causes in (first.causes, *others))
         reason = f"it tells {one} from {' and from '.join(rest)}"
         why = f"{reason}: {proposal.channel} would differ by up to {proposal.difference:.3g}"
         return proposal.model_copy(update={"why": why})

@@ -16,6 +16,7 @@ from vjm.rotations import Array
 from vjm_output.documents import VersionRow, doubt_rows
 from vjm_updating.calibration.calibrated_model import extended_text
 from vjm_updating.constants import numerical, prior_scale, shown
+from vjm_updating.diagnosis.discrepancy import law_covariance
 from vjm_updating.diagnosis.document import (
     AlternativeRow,
     CandidateRow,
@@ -37,7 +38,7 @@ from vjm_updating.diagnosis.preprocess import Prepared, critical_points, possibl
 from vjm_updating.diagnosis.ramp_kind import RampTest, behind
 from vjm_updating.diagnosis.screening import projection
 from vjm_updating.diagnosis.search import RIVAL, Search
-from vjm_updating.diagnosis.verdict import Verdict, judge, proved, withdrawn
+from vjm_updating.diagnosis.verdict import Verdict, judge, predicts_worse, proved, withdrawn
 from vjm_updating.experiment import Measurement
 from vjm_updating.experiment.mistakes import TITLES, Mistake, corrected, mistakes_of
 from vjm_updating.inference.fitting import Fit, LeastSquaresProblem
@@ -288,9 +289,18 @@ def diagnose_ramps(
     possible(kind.effects(observed, more), only, without)
     warn(findings)
     progress("the nominal model")
-    prepared, search, best = _searched(prepare(observed, more, only=only, without=without), kind, progress)
-    progress("verdict")
-    verdict, candidates, points = _proved(prepared, kind, unless_unexplained(judge(search, best), mistakes))
+
+    def judged(*, near: bool) -> tuple[Prepared, Verdict, list[CandidateRow], list[CriticalPointRow]]:
+        nominal = prepare(observed, more, only=only, without=without)
+        prepared, search, best = _searched(nominal, kind, progress, near=near)
+        progress("verdict")
+        return prepared, *_proved(prepared, kind, unless_unexplained(judge(search, best), mistakes))
+
+    prepared, verdict, candidates, points = judged(near=True)
+    worse = verdict.doubt or any(row.gain is not None and predicts_worse(row.gain) for row in candidates[:1])
+    if worse and (prepared.critical & ~prepared.aside).any():
+        # what readings near a critical point show, and others do not bear out, is no cause but an imperfection
+        prepared, verdict, candidates, points = judged(near=False)
     document = _document(measurement, prepared, kind, verdict, candidates, points, begun)
     if beside is not None:
         document = document.model_copy(
@@ -302,7 +312,7 @@ def diagnose_ramps(
     model = ""
     # what no cause explains is made up for by lengths and moduli: such a machine predicts nothing
     if verdict.kind != "unknown":
-        values = estimates(prepared.fitter, chosen, 0.0)
+        values = _estimates(prepared, kind, chosen)
         model = extended_text(measurement, prepared.fitter, chosen, verdict.kind, values)
 
     def page(document: Diagnosis) -> str:
@@ -315,12 +325,13 @@ def diagnose_ramps(
 
 
 def _searched(
-    prepared: Prepared, kind: RampTest, progress: Callable[[str], None]
+    prepared: Prepared, kind: RampTest, progress: Callable[[str], None], *, near: bool = True
 ) -> tuple[Prepared, Search, ScoredModel]:
     """The search about the noise that its own best shows, and the best.
 
     It begins without the readings near a critical point. Where that leaves noise alone it goes on with them from
-    what is then likely; where they leave more, those that no likely hypothesis predicts stay aside.
+    what is then likely; where they leave more, those that no likely hypothesis predicts stay aside. All do where it
+    is not to go ``near``.
     """
 
     def run(
@@ -330,10 +341,10 @@ def _searched(
         best = search.run(begun)
         return replace(prepared, null=search.null), search, best
 
-    none = np.zeros(len(prepared.critical), dtype=bool)
+    left_out = np.zeros(len(prepared.critical), dtype=bool) if near else prepared.critical
     prepared, search, best = run(prepared, {})
     first, known = best, search.tried
-    right = prepared.critical.any() and not search.is_wrong(search.rest(best.fit))
+    right = near and prepared.critical.any() and not search.is_wrong(search.rest(best.fit))
     # the best first: a search takes up a few
     likely = sorted(
         (r for r in search.tried.values() if r.criterion < best.criterion + RIVAL), key=lambda r: r.criterion
@@ -341,7 +352,7 @@ def _searched(
     begun = likely if right and best.labels else []
     for _ in range(AGAIN):
         # seen from a model that was off, noise and outliers were guesses
-        again = refresh(prepared, best.fit, none)
+        again = refresh(prepared, best.fit, left_out)
         if again is None:
             break
         before = best
@@ -463,11 +474,18 @@ def _residual_words(verdict: Verdict) -> str:
     return f"the residual has the shape '{rest.worst or 'rough'}', strength {rest.left**0.5:.1f}"
 
 
+def _estimates(prepared: Prepared, kind: RampTest, fit: Fit) -> dict[str, ValueRow]:
+    """The parameters of a fit, its laws right to some per cent only."""
+    explained = max(prepared.null.objective - fit.objective, 0.0)
+    by_laws = law_covariance(prepared.fitter, fit, kind.costs.law_error, explained)
+    return estimates(prepared.fitter, fit, by_laws)
+
+
 def _values(
     prepared: Prepared, kind: RampTest, fit: Fit, places: Sequence[ScoredModel]
 ) -> dict[str, ValueRow | str]:
-    elsewhere = [estimates(prepared.fitter, place.fit, 0.0) for place in places]
-    values = joined(estimates(prepared.fitter, fit, 0.0), elsewhere)
+    elsewhere = [_estimates(prepared, kind, place.fit) for place in places]
+    values = joined(_estimates(prepared, kind, fit), elsewhere)
     result = {**values, **kind.parameters(prepared.fitter, fit, values)}
     for effect in fit.hypothesis:
         if effect.part and not any(name.startswith(f"{effect.cause}.{effect.part}") for name in result):

@@ -40,7 +40,7 @@ from vjm_updating.inference.parameters import (
     usual_shapes,
 )
 from vjm_updating.inference.refit import begun_anew
-from vjm_updating.inference.significance import chi2_sf
+from vjm_updating.inference.significance import IMPROBABLE, chi2_sf
 from vjm_updating.mechanisms.effect import Effect
 
 WIDTH, BEAM, PAIRS = numerical(8), numerical(3), numerical(3)
@@ -169,6 +169,23 @@ class Search:
                 self._try(move)
             if move.labels in self.tried:
                 self.settled(self.tried[move.labels])
+
+    def complete_singles(self, best: ScoredModel) -> ScoredModel:
+        """Fit every cause alone that to first order is not improbable beside the best; the best of all then.
+
+        So what is said to be probable is so by a fit.
+        """
+        moves = {move.labels: move for move in self._forward(self.tried[frozenset()])}
+        for effect, value in sorted(self.singles().items(), key=lambda pair: pair[1]):
+            labels = frozenset([effect.label])
+            if labels in self.tried or value - best.criterion > IMPROBABLE:
+                continue
+            self._try(moves[labels])
+            if labels in self.tried:
+                own = self.settled(self.tried[labels])
+                if own.criterion < best.criterion and self.significant(own):
+                    best = own
+        return best
 
     def singles(self) -> dict[Effect, float]:
         """Criterion of every cause alone: of its fit where there is one, else to first order."""

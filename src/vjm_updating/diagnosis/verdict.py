@@ -129,7 +129,7 @@ class Verdict:
 
     Attributes:
         kind: none, named, class or unknown.
-        members: hypotheses that remain possible, the most probable first.
+        members: hypotheses that remain possible, the most probable first. A class may have the one without causes.
         confidence: posterior probability that kind and set are right.
         places: of each member the hypotheses that have its causes elsewhere: the likeliest, see
             `credible_places`.
@@ -179,7 +179,7 @@ def judge(search: Search, best: ScoredModel) -> Verdict:
     # among as many causes as the catalogue has
     choice = 2.0 * float(np.log(len({effect.cause for effect in search.effects}) or 1))
     alone = ScoredModel(search.null, search.null.objective + unmodelled(fitter, search.null) + choice, choice)
-    best = _settled(search, best, alone.criterion)
+    best = search.complete_singles(_settled(search, best, alone.criterion))
     rest = search.rest(best.fit)
     if best.labels:
         search.complete_parts(best)
@@ -234,12 +234,12 @@ def judge(search: Search, best: ScoredModel) -> Verdict:
 def credible_causes(best: ScoredModel, total: Mapping[ScoredModel, float]) -> list[ScoredModel]:
     """The fewest sets of causes of which one is right with 95 %, the best one among them and first.
 
-    A set that says the same as a member with more causes or parameters counts as that member. One without a cause
-    does not count. ``total`` has the probability of each one's causes, in whichever places.
+    A set that says the same as a member with more causes or parameters counts as that member. The empty set, that
+    nothing acts, is one as any other. ``total`` has the probability of each one's causes, in whichever places.
     """
     sets = {best.causes: best}
     for rival in sorted(total, key=lambda r: (-total[r], r.criterion)):
-        if rival.labels and rival.fit.converged:
+        if rival.fit.converged:
             sets.setdefault(rival.causes, rival)
     p = {one: total[one] for one in sets.values()}
     return credible(best, p, needless, RIVALS)
@@ -408,8 +408,7 @@ def proved(verdict: Verdict, gain: GainRow) -> Verdict:
     of what was held out than such laws would are not those that act.
     """
     causes = " + ".join(sorted(verdict.members[0].causes))
-    worse = gain.interval95[1] < 0.0 and gain.after_in_sigma > gain.before_in_sigma
-    if worse and gain.after_in_sigma > NORMAL_95 * gain.expected_in_sigma:
+    if predicts_worse(gain) and gain.after_in_sigma > NORMAL_95 * gain.expected_in_sigma:
         return withdrawn(verdict, f"{causes} fits, but predicts what was held out worse than no cause does")
     most = float(np.hypot(gain.expected_in_sigma, largest(LAW_ERROR) * gain.before_in_sigma))
     if gain.after_in_sigma > NORMAL_95 * most:
@@ -417,9 +416,14 @@ def proved(verdict: Verdict, gain: GainRow) -> Verdict:
     return verdict
 
 
+def predicts_worse(gain: GainRow) -> bool:
+    """Whether causes predict what was held out worse than the tolerances alone, by more than their scatter."""
+    return gain.interval95[1] < 0.0 and gain.after_in_sigma > gain.before_in_sigma
+
+
 def withdrawn(verdict: Verdict, doubt: str) -> Verdict:
     """Unknown instead of a verdict that names causes, and why, in words; they stay among what is less likely."""
-    named = tuple(zip(verdict.members, verdict.probabilities, strict=True))
+    named = ((m, p) for m, p in zip(verdict.members, verdict.probabilities, strict=True) if m.labels)
     return replace(
         verdict,
         kind="unknown",
@@ -433,7 +437,12 @@ def withdrawn(verdict: Verdict, doubt: str) -> Verdict:
 
 
 def needless(best: ScoredModel, rival: ScoredModel) -> bool:
-    """Whether a rival that is no better says the same with more causes, or with a parameter more."""
+    """Whether a rival that is no better says the same with more causes, or with a parameter more.
+
+    A cause is never the same as nothing.
+    """
+    if not best.labels:
+        return False
     if len(rival.labels) > len(best.labels) or rival.labels > best.labels:
         return True
     others = [effect for effect in best.fit.hypothesis if effect.label not in rival.labels]
@@ -444,13 +453,12 @@ def needless(best: ScoredModel, rival: ScoredModel) -> bool:
 def weights_of(tried: Iterable[ScoredModel], best: ScoredModel) -> dict[ScoredModel, float]:
     """Probability of every hypothesis tried, by its criterion.
 
-    Supersets of the best, a rejected null, and others whose fits have not come to an end have none.
+    Supersets of the best, which say the same with more, and fits that have not come to an end have none.
     """
     ranked = [
         r
         for r in tried
-        if r.labels == best.labels
-        or (r.fit.converged and not r.labels > best.labels and (r.labels or not best.labels))
+        if r.labels == best.labels or (r.fit.converged and not (best.labels and r.labels > best.labels))
     ]
     criteria = np.array([r.criterion for r in ranked])
     w = np.exp(-0.5 * np.minimum(criteria - criteria.min(), 1400.0))

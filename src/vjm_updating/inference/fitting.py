@@ -30,7 +30,7 @@ from vjm_updating.inference.parameters import (
     start,
     uncertain,
 )
-from vjm_updating.inference.significance import CUT
+from vjm_updating.inference.significance import CUT, IMPROBABLE
 
 SWEEPS, NEGLIGIBLE = numerical(100), numerical(1e-2)
 """By which errors of lines are found at most, and the change in a reading's standard deviations that ends them."""
@@ -557,7 +557,7 @@ def best_fit(
     rounding, enough = fitter.rounding, ENOUGH * fitter.rounding
     # whether all slopes are of this very place
     current, radius, converged = borrowed is None, 1.0, False
-    fall = 0.0
+    fall = promised = 0.0
     for count in range(ROUNDS):
         if now.worth > target and count > PATIENT:
             out_of_reach = (
@@ -576,7 +576,7 @@ def best_fit(
             # borrowed slopes are of another place: with a step added they would foresee too little
             if moved and borrowed is None and fall > LEARNT * rounding:
                 now.learn(J, now.evaluation, exact, own)
-            now.evaluation, now.J, now.worth = exact, J, value
+            now.evaluation, now.J, now.worth, promised = exact, J, value, 0.0
             radius = radius * GROWS if fall >= GOOD * expected else radius
             if expected >= enough and fall < POOR * expected:
                 fitter.renew(now.J, unknowns, exact, hypothesis, fitter.of_machine)
@@ -585,8 +585,10 @@ def best_fit(
                 fitter.renew(now.J, unknowns, exact, hypothesis, freed)
                 current = False
         elif expected >= rounding and current:
-            radius *= SHRINKS
+            radius, promised = radius * SHRINKS, max(promised, expected)
             if radius < SMALLEST:
+                # near a critical load predictions have kinks, and a least value is at one
+                converged = promised < IMPROBABLE
                 break
             continue
         elif expected >= rounding:

@@ -188,7 +188,7 @@ class JointThreeSlopes(SpringUnderTest):
 
         return (SeriesElement(place, memoryless(law)),)
 
-    def reported(self, values: Sequence[float], force: float) -> dict[str, float]:
+    def reported(self, values: Sequence[float]) -> dict[str, float]:
         """The numbers that a catalogue gives."""
         law = three_slopes(values)
         keys = StrainWave.keys(slides=not self.drive.turns)

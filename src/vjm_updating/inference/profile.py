@@ -65,14 +65,16 @@ def rise(
     return value
 
 
-def profile_interval(fitter: LeastSquaresProblem, fit: Fit, index: int, covariance: Array) -> ProfileInterval:
+def profile_interval(
+    fitter: LeastSquaresProblem, fit: Fit, index: int, covariance: Array, inflation: float = 1.0
+) -> ProfileInterval:
     """The interval of a coordinate that holds 95 % of its posterior, by its profile.
 
     Where the model is curved it is not symmetric, as the one by the ``covariance`` (n_z, n_z) is (Venzon and
     Moolgavkar 1988). Readings may also say that a coordinate is below something and no more: there the objective is
     flat to one side, and its curvature says nothing. So it is found at distances that double, the first one by the
-    curvature. The interval begins at a bound where the density is at least that at the 95 % quantile, see
-    `vjm_updating.diagnosis.evidence.credible`.
+    curvature. The noise's variance is ``inflation`` times what the objective counts. The interval begins at a bound
+    where the density is at least that at the 95 % quantile, see `vjm_updating.diagnosis.evidence.credible`.
     """
     coordinate, z = fit.parameters[index], float(fit.evaluation.z[index])
     std = float(covariance[index, index]) ** 0.5
@@ -89,11 +91,12 @@ def profile_interval(fitter: LeastSquaresProblem, fit: Fit, index: int, covarian
             if np.isinf(further := by(np.array([place]))):
                 against = further
                 break
-            known[place] = max(further, 0.0)
             point = fit.evaluation.z.copy()
             point[index] = place
             usual = [float(prior(fit.parameters, where)[0][index]) for where in (point, fit.evaluation.z)]
-            against = known[place] - usual[0] ** 2 + usual[1] ** 2
+            unusual = usual[0] ** 2 - usual[1] ** 2
+            against = (max(further, 0.0) - unusual) / inflation
+            known[place] = max(against + unusual, 0.0)
             distance *= 2.0
         by_readings.append(against > NORMAL_95**2)
     places = np.array(sorted(known))

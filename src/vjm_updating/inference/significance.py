@@ -97,6 +97,8 @@ OUTLIERS = prior_scale(0.02)
 a beta distribution that has most where there are none."""
 NOISE_KNOWN = prior_scale(1.35)
 """Variance of a noise over what its sheet says, at most: a standard deviation is known to a sixth."""
+IMPROBABLE = stated_level(6.0)
+"""Difference of two criteria at odds of 20 to 1, as those of what is said to act."""
 LAW_ERROR = prior_scale(0.03)
 """Relative error of a law, of the size of what its cause does: scale of a half-Cauchy prior, which is its median.
 Measured from what the catalogue's laws leave of textbooks' (`tests/vjm_updating/inference/test_law_errors.py`)."""

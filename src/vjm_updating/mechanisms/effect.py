@@ -272,7 +272,7 @@ class Effect:
         """Displacements ``(n, 6)`` really imposed where ``pose`` (n, 6) was meant."""
         return pose
 
-    def reported(self, values: Sequence[float], force: float) -> dict[str, float]:
+    def reported(self, values: Sequence[float]) -> dict[str, float]:
         """Parameters under the names of docs/measured-data.md."""
         return {f"{self.cause}.{q.name}": float(v) for q, v in zip(self.quantities(), values, strict=True)}
 

@@ -78,7 +78,7 @@ class JointFriction(Effect):
         """One elastic turn for all joints."""
         return values[-1]
 
-    def reported(self, values: Sequence[float], force: float) -> dict[str, float]:
+    def reported(self, values: Sequence[float]) -> dict[str, float]:
         """The mean torque of the joints, each joint's over it, and the elastic turn."""
         torque, *shares, elastic = values
         mean = float(np.mean(shares))

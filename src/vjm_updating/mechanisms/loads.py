@@ -116,7 +116,7 @@ class LoadMisalignment(Effect):
         """Unit vector ``(3,)`` along which the device really goes."""
         return self.imposed(np.array([[*self.axis, 0.0, 0.0, 0.0]]), values)[0, :3]
 
-    def reported(self, values: Sequence[float], force: float) -> dict[str, float]:
+    def reported(self, values: Sequence[float]) -> dict[str, float]:
         """Angle, and direction about the axis from the first direction across."""
         a, b = values
         return {

@@ -133,7 +133,7 @@ class LinkBow(Effect):
         """Built with the bow."""
         return machine.with_bow(self.beam, values[0], values[1])
 
-    def reported(self, values: Sequence[float], force: float) -> dict[str, float]:
+    def reported(self, values: Sequence[float]) -> dict[str, float]:
         """Amplitude, and direction about the link's axis from the section's y axis."""
         y, z = values
         return {"link_bow.amplitude_mm": float(np.hypot(y, z)), "link_bow.direction_rad": float(np.arctan2(z, y))}

@@ -8,7 +8,15 @@ from scipy.integrate import quad
 from scipy.optimize import nnls
 from scipy.stats import chi2, multivariate_normal
 
-from vjm_updating.diagnosis.discrepancy import Marginalised, discrepancy, marginalised, responses
+from vjm_updating.diagnosis.discrepancy import (
+    Marginalised,
+    discrepancy,
+    law_columns,
+    law_covariance,
+    marginalised,
+    responses,
+    spectrum,
+)
 from vjm_updating.diagnosis.evidence import Cone
 from vjm_updating.diagnosis.preprocess import prepare
 from vjm_updating.diagnosis.screening import Projection, projection
@@ -16,7 +24,16 @@ from vjm_updating.diagnosis.verdict import SIZES, kind_present, unmodelled
 from vjm_updating.experiment import read_measurement
 from vjm_updating.inference.fitting import prior
 from vjm_updating.inference.forward import observe_ramps
-from vjm_updating.inference.model_error import NODES, WEIGHTS, costs, driven_place, integrated, likeliest, principal
+from vjm_updating.inference.model_error import (
+    NODES,
+    WEIGHTS,
+    costs,
+    driven_place,
+    integrated,
+    likeliest,
+    mean_square,
+    principal,
+)
 from vjm_updating.inference.parameters import FitParameter, coordinates, release_key
 from vjm_updating.inference.significance import LAW_ERROR
 
@@ -143,6 +160,25 @@ def test_geometry_and_scales_have_no_error_of_their_own(fitted, cause):
     assert fit.hypothesis[0].exact
     assert responses(fitter, fit, 1e6).shape[2] == 0
     assert discrepancy(fitter, fit, LAW_ERROR, 1e6) == 0.0
+
+
+def test_a_fit_follows_what_laws_do_wrong(fitted):
+    """Its coordinates scatter as those of least squares on readings that laws have put off."""
+    fitter, fit = fitted("link_compliance")
+    columns = law_columns(fitter, fit, 1e6)
+    free = np.array([c.sigma != 0.0 for c in fit.parameters])
+    weights = np.diag(prior(fit.parameters, fit.evaluation.z)[1])
+    A = np.vstack([fitter.whitening.flat(fit.jacobian), weights])[:, free]
+    # as wrong as the fit's residual lets them be
+    space = projection(fitter, fit)
+    directions, sizes = spectrum(fitter, fit, space, 1e6)
+    wrong = mean_square(sizes, directions.T @ space.residual, LAW_ERROR) ** 0.5
+    draws = columns @ np.random.default_rng(2).standard_normal((columns.shape[1], 20_000)) * wrong
+    moved = np.linalg.lstsq(A, np.vstack([draws, np.zeros((len(weights), draws.shape[1]))]), rcond=None)[0]
+    found = law_covariance(fitter, fit, LAW_ERROR, 1e6)[np.ix_(free, free)]
+    # a variance from 20,000 draws is known to 1 %; five times that; round-off where they do nothing
+    np.testing.assert_allclose(np.diag(found), moved.var(axis=1), rtol=0.05, atol=1e-20)
+    assert not law_covariance(fitter, fit, 0.0, 1e6).any()
 
 
 def test_readings_of_a_law_that_is_off_leave_little(fitted):

@@ -53,7 +53,7 @@ def known(effect, z, *errors, readings=lambda off: off):
 def test_a_vector_may_be_larger_by_what_is_unknown_across_it():
     effect = LoadMisalignment()
     scale = 1.0 / coordinates([], (effect,))[0].value(1.0)
-    angle = estimates(*known(effect, [0.03 * scale, 0.0], 0.001 * scale, 0.04 * scale), 0.0)[
+    angle = estimates(*known(effect, [0.03 * scale, 0.0], 0.001 * scale, 0.04 * scale))[
         "load_misalignment.angle_rad"
     ]
     assert angle.value == pytest.approx(0.03)
@@ -73,7 +73,7 @@ def test_what_readings_tell_by_its_square_alone_is_not_unknown():
     def readings(off):
         return np.array([off[0], (off[1] * unknown / across) ** 2])
 
-    found = estimates(*known(effect, [0.03 * scale, 0.0], 0.001 * scale, unknown, readings=readings), 0.0)
+    found = estimates(*known(effect, [0.03 * scale, 0.0], 0.001 * scale, unknown, readings=readings))
     angle, towards = found["load_misalignment.angle_rad"], found["load_misalignment.direction_rad"]
     # the objective rises by one where that square is one standard deviation
     assert angle.high == pytest.approx(np.hypot(0.03, 2.2414 * 0.01), **QUANTILES)
@@ -91,7 +91,7 @@ def test_a_vector_of_known_size_may_have_any_direction():
         vector = np.array([size + off[0] * error, off[1] * unknown])
         return np.array([(np.hypot(*vector) - size) / error, 0.0])
 
-    found = estimates(*known(effect, [size, 0.0], error, unknown, readings=readings), 0.0)
+    found = estimates(*known(effect, [size, 0.0], error, unknown, readings=readings))
     towards = found["load_misalignment.direction_rad"]
     assert towards.high - towards.low == pytest.approx(0.95 * 2.0 * np.pi)
 
@@ -99,7 +99,7 @@ def test_a_vector_of_known_size_may_have_any_direction():
 def test_a_size_is_not_negative_and_an_unknown_direction_is_anywhere():
     effect = LoadMisalignment()
     scale = 1.0 / coordinates([], (effect,))[0].value(1.0)
-    found = estimates(*known(effect, [0.001 * scale, 0.0], 0.03 * scale, 0.03 * scale), 0.0)
+    found = estimates(*known(effect, [0.001 * scale, 0.0], 0.03 * scale, 0.03 * scale))
     assert found["load_misalignment.angle_rad"].low == 0.0
     # that of an even distribution all round
     assert found["load_misalignment.direction_rad"].std == pytest.approx(np.pi / np.sqrt(3.0))
@@ -108,7 +108,7 @@ def test_a_size_is_not_negative_and_an_unknown_direction_is_anywhere():
 def test_a_direction_has_no_end():
     effect = LoadMisalignment()
     scale = 1.0 / coordinates([], (effect,))[0].value(1.0)
-    towards = estimates(*known(effect, [-0.03 * scale, -1e-5 * scale], 0.001 * scale, 0.001 * scale), 0.0)[
+    towards = estimates(*known(effect, [-0.03 * scale, -1e-5 * scale], 0.001 * scale, 0.001 * scale))[
         "load_misalignment.direction_rad"
     ]
     assert towards.high - towards.low == pytest.approx(2 * 1.96 / 30.0, **QUANTILES)
@@ -118,12 +118,12 @@ def test_a_direction_has_no_end():
 def test_a_straight_parameter_has_the_interval_of_its_standard_deviation():
     effect = ActuatorCompliance()
     (own,) = coordinates([], (effect,))
-    (found,) = estimates(*known(effect, [own.low + 10.0], 0.5), 0.0).values()
+    (found,) = estimates(*known(effect, [own.low + 10.0], 0.5)).values()
     assert found.high - found.low == pytest.approx(2 * 1.96 * found.std, **QUANTILES)
 
 
 def test_an_interval_takes_in_what_other_places_say():
-    names = [set(estimates(*known(ContactCompliance(part=p), [0.0, 0.6], 0.1, 0.1), 1000.0)) for p in "ab"]
+    names = [set(estimates(*known(ContactCompliance(part=p), [0.0, 0.6], 0.1, 0.1))) for p in "ab"]
     assert names[0] == names[1]
     here, there = (
         ValueRow(value=1.0, std=0.1, interval95=[0.8, 1.2]),
@@ -142,7 +142,7 @@ def test_an_interval_of_a_shape_ends_where_its_posterior_does(one_sided):
 
     effect, scale = ContactCompliance(), 0.1
     usual = 2.0 / 3.0 / scale
-    found = estimates(*known(effect, [5.0, usual], 0.1, 0.05, readings=readings), 0.0)
+    found = estimates(*known(effect, [5.0, usual], 0.1, 0.05, readings=readings))
     row = found["contact_compliance.exponent"]
     # the prior, Cauchy's with a spread twenty times the error, is flat beside it
     assert row.high == pytest.approx(2.0 / 3.0 + 0.05 * scale * (1.96 if not one_sided else 1.0), abs=0.004)
@@ -154,12 +154,25 @@ def test_an_interval_of_a_shape_ends_where_its_posterior_does(one_sided):
         assert row.low == pytest.approx(2.0 / 3.0 - 1.96 * 0.05 * scale, abs=0.004)
 
 
+def test_laws_that_are_not_quite_right_widen_intervals():
+    effect = ContactCompliance()
+    usual = 2.0 / 3.0 / 0.1
+    fitter, fit = known(effect, [5.0, usual], 0.1, 0.05)
+    by_laws = 3.0 * np.diag([0.1**2, 0.05**2])
+    narrow, wide = estimates(fitter, fit), estimates(fitter, fit, by_laws)
+    for name, row in wide.items():
+        width, before = row.high - row.low, narrow[name].high - narrow[name].low
+        # twice, though a displacement's size has an end at nothing and the exponent its prior
+        assert row.std == pytest.approx(2.0 * narrow[name].std, rel=1e-6)
+        assert width == pytest.approx(2.0 * before, rel=QUANTILES["rel"])
+
+
 def bounded(best):
     """Value and interval, in standard deviations, of a compliance that is best at ``best`` without a bound."""
     effect = ActuatorCompliance()
     fitter, fit = known(effect, [max(best, 0.0)], 1.0)
     fitter.pressure = lambda fit: np.array([max(-best, 0.0)])
-    (found,) = estimates(fitter, fit, 0.0).values()
+    (found,) = estimates(fitter, fit).values()
     unit = effect.quantities()[0].scale
     return found.value / unit, found.low / unit, found.high / unit
 

@@ -268,6 +268,29 @@ def test_slopes_from_elsewhere_do_not_lead_uphill(heavy, wrong):
     assert rough.objective < best.objective + ROUNDING
 
 
+@pytest.mark.parametrize(("off", "ended"), [(2.0, True), (5.0, False)])
+def test_a_fit_ends_at_a_kink_that_costs_little(heavy, monkeypatch, off, ended):
+    """One reading, some standard deviations off, gets worse to both sides of the best mass."""
+    fitter, observed = heavy.fitter, heavy.fitter.forward.observed
+    gravity = next(e for e in heavy.effects if e.cause == "gravity")
+    best = best_fit(fitter, (gravity,), np.zeros(len(fitter.nuisances)), [[3.0, 0.5]])
+    (mass, *_), right = of_effect(best.parameters, 0), fitter.forward.evaluate
+    i, j = np.argwhere(observed.present)[0]
+
+    def kinked(found, z, *more):
+        evaluation = right(found, z, *more)
+        residual = evaluation.residual.copy()
+        # by ten standard deviations for a thousandth of the mass
+        way = 1e4 * abs(z[mass] / best.evaluation.z[mass] - 1.0)
+        residual[i, j] = observed.noise.wrench[j - observed.columns.index("fx_N")] * (off + way)
+        return replace(evaluation, residual=residual)
+
+    monkeypatch.setattr(fitter.forward, "evaluate", kinked)
+    fit = best_fit(fitter, (gravity,), best.evaluation.z[: len(fitter.nuisances)], best.values)
+    assert fit.evaluation.z[mass] == pytest.approx(best.evaluation.z[mass], rel=1e-3)
+    assert fit.converged is ended
+
+
 @pytest.mark.parametrize("cause", ["base_compliance", "actuator_hardening", "contact_compliance"])
 def test_slopes_of_elements_are_those_of_the_readings(heavy, cause):
     fitter = heavy.fitter

@@ -113,18 +113,17 @@ def test_only_fits_that_have_ended_have_a_weight():
         return found
 
     best = fitted(LINEAR, objective=100.0)
-    # as likely as e^-1; below the best for its fit has not ended; more causes than needed; the rejected null
+    # as likely as e^-1; below the best for its fit has not ended; more causes than needed
     rival = fitted(HARDENING, objective=102.0)
-    rest = (
-        fitted(ZERO, objective=60.0, converged=False),
-        fitted(LINEAR, ZERO, objective=99.0),
-        fitted(objective=90.0),
-    )
+    rest = fitted(ZERO, objective=60.0, converged=False), fitted(LINEAR, ZERO, objective=99.0)
     weights = weights_of((best, rival, *rest), best)
     assert weights == {
         best: pytest.approx(1.0 / (1.0 + np.exp(-1.0))),
         rival: pytest.approx(np.exp(-1.0) / (1.0 + np.exp(-1.0))),
     }
+    # that nothing acts is as likely as its own criterion makes it
+    nothing = fitted(objective=104.0)
+    assert weights_of((best, nothing), best)[nothing] == pytest.approx(np.exp(-2.0) / (1.0 + np.exp(-2.0)))
     # there is no other to go by where the best's own has not ended
     alone = fitted(LINEAR, objective=100.0, converged=False)
     assert weights_of((alone, *rest), alone) == {alone: 1.0}
@@ -154,6 +153,16 @@ def test_the_fewest_sets_of_causes_that_hold_95_in_a_hundred_are_a_class_with_th
     assert credible_causes(best, {far: 0.06, best: 0.5, near: 0.44}) == [best, near, far]
     # two runners-up that are alike do not put the leader out
     assert credible_causes(best, {best: 0.4, near: 0.3, far: 0.3})[0] is best
+
+
+def test_nothing_is_one_of_a_class_where_the_causes_alone_do_not_hold_95_in_a_hundred():
+    best, near, nothing = ranked(DRIFT), ranked(LINEAR), ranked()
+    for one in (best, near, nothing):
+        one.fit.converged = True
+    assert credible_causes(best, {best: 0.7, nothing: 0.3}) == [best, nothing]
+    assert credible_causes(best, {best: 0.96, nothing: 0.04}) == [best]
+    # a cause does not say the same as nothing
+    assert credible_causes(best, {best: 0.4, nothing: 0.35, near: 0.25}) == [best, nothing, near]
 
 
 def test_a_set_that_says_the_same_with_more_is_no_member_of_a_class():

@@ -171,7 +171,7 @@ def test_calibration_and_diagnosis_find_the_same_springs():
     hypothesis = tuple(causes[f"{part}_compliance"] for part in PARTS)
     fit = best_fit(prepared.fitter, hypothesis, prepared.null.evaluation.z, [[1.0], [1.0]])
     assert fit is not None
-    found = estimates(prepared.fitter, fit, 0.0)
+    found = estimates(prepared.fitter, fit)
     for part, value, deviation in zip(PARTS, values, deviations, strict=True):
         diagnosed = found[f"{part}_compliance.factor"]
         # a diagnosis takes lines in time for the displacement and interpolates: some hundredths of a deviation
