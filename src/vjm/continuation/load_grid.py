@@ -20,7 +20,7 @@ from vjm.kernels.machine_solver import March
 from vjm.rotations import Array
 from vjm.statics import MAX_ITERATIONS, TOLERANCE
 
-HALVINGS = 6
+HALVINGS = 10
 """Of a step of the grid that is too long for Newton's method."""
 
 
@@ -75,6 +75,7 @@ def trace_grid(problem: LumpedProblem, grid: Array, known: Sequence[BranchChange
     pieces: list[tuple[Array, ...]] = []
     turns: list[BranchChange] = []
     rest = problem.at_rest()
+    shortest = float(np.diff(grid).min(initial=np.inf)) / 2**HALVINGS
     begin, x, wrench, index, own, stopped = 0.0, rest.x, rest.wrench, 0, False, ""
     while True:
         # behind a bifurcation, and between two points, the march begins beside the grid; that point is left out
@@ -88,20 +89,23 @@ def trace_grid(problem: LumpedProblem, grid: Array, known: Sequence[BranchChange
         if not march.why:
             break
         last, own = s[march.good - 1], True
-        if march.why != "unstable":
-            half = _halfway(problem, last, s[march.good], march, origin)
+        turn = next((t for t in known if last < t.s < s[march.good]), None)
+        why = f"no equilibrium found beyond {last:.6g}: {march.why}"
+        if turn is None and march.why == "unstable":
+            try:
+                turn = _next_branch(problem, s, march)
+            except NoConvergenceError as failure:
+                why = f"no stable branch leads on beyond {last:.6g}: {failure}"
+        if turn is None:
+            # Newton's method does not follow so long a step, or ends on another branch
+            long = s[march.good] - last > shortest
+            half = _halfway(problem, last, s[march.good], march, origin) if long else None
             if half is None:
-                stopped = f"no equilibrium found beyond {last:.6g}: {march.why}"
+                stopped = why
                 break
             begin, x, wrench = half
             index = int(np.searchsorted(grid, begin, side="right"))
             continue
-        turn = next((t for t in known if last < t.s < s[march.good]), None)
-        try:
-            turn = turn or _next_branch(problem, s, march)
-        except NoConvergenceError as failure:
-            stopped = f"no stable branch leads on beyond {last:.6g}: {failure}"
-            break
         turns.append(turn)
         begin, state = turn.behind.s, turn.behind.state
         x, wrench = state[:n], state[n : n + 6]

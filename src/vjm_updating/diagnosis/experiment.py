@@ -45,7 +45,7 @@ SHORT_OF, UNKNOWN = numerical(0.8), numerical(0.1)
 
 
 def propose(fitter: LeastSquaresProblem, fits: Sequence[Fit]) -> ExperimentRow | None:
-    """The candidate that tells hypotheses best from one another; None where none can be computed.
+    """The candidate that tells hypotheses best from one another; None where none does by more than the noise.
 
     Pairs that it distinguishes for sure count no more than that, and it is repeated as often as the others need.
 
@@ -85,7 +85,7 @@ def propose(fitter: LeastSquaresProblem, fits: Sequence[Fit]) -> ExperimentRow |
             often = proposals
         if _better(often, best):
             best = often
-    return min(best, key=_strength, default=None)
+    return min(best, key=_strength) if max(map(_strength, best), default=0.0) >= 1.0 else None
 
 
 def _strength(proposal: ExperimentRow) -> float:

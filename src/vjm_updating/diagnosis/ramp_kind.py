@@ -65,7 +65,8 @@ def knee(s: Array, force: Array) -> tuple[float, float] | None:
     """Place and force of the knee of a curve ``(n,)`` that rises, bends once and goes on nearly level, if one is.
 
     Of a curve that is not known everywhere, nan, there is none. The best continuous pair of straight lines of which
-    the second is nearer to level than to going on as before.
+    the second is nearer to level than to going on as before. The first begins where the ramp does: it is steeper
+    than half of the way from there. A curve that bends on behind its knee has no second one.
     """
     order = np.argsort(s)
     x, y = s[order], force[order]
@@ -76,7 +77,8 @@ def knee(s: Array, force: Array) -> tuple[float, float] | None:
         X = np.column_stack([np.ones_like(x), np.minimum(x, knot), np.maximum(x - knot, 0.0)])
         c, *_ = np.linalg.lstsq(X, y, rcond=None)
         cost = float(np.sum((y - X @ c) ** 2))
-        if c[1] > 0.0 and c[2] < c[1] - c[2] and (best is None or cost < best[0]):
+        begun = c[1] * knot > 0.5 * (c[0] + c[1] * knot) > 0.0
+        if begun and c[2] < c[1] - c[2] and (best is None or cost < best[0]):
             best = cost, float(knot), float(c[0] + c[1] * knot)
     straight = np.column_stack([np.ones_like(x), x])
     c, *_ = np.linalg.lstsq(straight, y, rcond=None)
@@ -305,11 +307,11 @@ class RampTest:
             if member.causes != first.causes and len(others) < MOST_PAIRS:
                 others.setdefault(member.causes, member.fit)
         proposal = propose(fitter, [first.fit, *others.values()])
-        if proposal is None:
-            return ExperimentRow(why="no posture of the model separates them")
         one, *rest = (" + ".join(sorted(causes)) or NOTHING for causes in (first.causes, *others))
-        reason = f"it tells {one} from {' and from '.join(rest)}"
-        why = f"{reason}: {proposal.channel} would differ by up to {proposal.difference:.3g}"
+        reason = f"tells {one} from {' and from '.join(rest)}"
+        if proposal is None:
+            return ExperimentRow(why=f"no ramp in a posture of the model {reason} by more than the noise")
+        why = f"it {reason}: {proposal.channel} would differ by up to {proposal.difference:.3g}"
         return proposal.model_copy(update={"why": why})
 
 

@@ -55,7 +55,7 @@ def lines(diagnosis: Diagnosis) -> list[str]:
         result.append(f"beside, by {' + '.join(row.causes) or NOTHING}: {row.what}: {error}")
     if diagnosis.next_experiment.why:
         n = diagnosis.next_experiment
-        result.append(f"next: posture {n.posture}, {n.path}: {n.why}")
+        result.append(f"next: posture {n.posture}, {n.path}: {n.why}" if n.posture else f"next: {n.why}")
     return result
 
 

@@ -446,14 +446,17 @@ def test_rotating_a_matrix_part_and_its_frame_changes_nothing(chain, trace):
 # The paper's own grid: 0.001 mm in posture A. Slow chains of small steps find what adaptive ones find.
 
 
-LEG = model_text(
-    "leg",
-    part_text("actuator", "drive", axis="x", compliance_mm_per_N=2e-6),
-    part_text("joint", "q1", axis="z"),
-    part_text("beam", "bar", length_mm=300.0, count=2, section=section_of("rectangle", 25.0, 6.0)),
-    part_text("joint", "q2", axis="z"),
-    postures={"bent": {"q1": 0.5, "q2": -0.5}},
-)
+def leg(angle, **spring):
+    """A bar between two hinges, the first one with a spring, askew by an angle."""
+    text = model_text(
+        "leg",
+        part_text("actuator", "drive", axis="x", compliance_mm_per_N=2e-6),
+        part_text("joint", "q1", axis="z", **spring),
+        part_text("beam", "bar", length_mm=300.0, count=2, section=section_of("rectangle", 25.0, 6.0)),
+        part_text("joint", "q2", axis="z"),
+        postures={"bent": {"q1": angle, "q2": -angle}},
+    )
+    return build_chain(parse_toml(text), "leg.toml")
 
 
 def test_the_papers_own_grid_finds_the_event_where_adaptive_steps_do(trace):
@@ -481,12 +484,31 @@ def test_tangent_on_the_papers_own_grid_is_the_slope_of_the_force(trace):
 
 def test_a_step_that_is_too_long_for_newtons_method_is_taken_in_halves():
     """A bar between two hinges askew that has buckled at 0.12 mm: against a grid of fortieths of the steps."""
-    chain = build_chain(parse_toml(LEG), "leg.toml")
-    problem = VjmEngine.of(8, 1).problem(chain, LoadCase("bent", -2.141))
+    problem = VjmEngine.of(8, 1).problem(leg(0.5), LoadCase("bent", -2.141))
     coarse, fine = (trace_grid(problem, np.linspace(0.0, 2.141, n)) for n in (5, 161))
     assert (coarse.stopped, fine.stopped) == ("", "")
     # the branch is one curve: to Newton's tolerance
     np.testing.assert_allclose(coarse.wrench[:, :3], fine.wrench[::40, :3], rtol=1e-6, atol=1e-3)
+
+
+STIFFENING = {
+    "kind": "polynomial", "K1_Nmm_per_rad": 2e5, "K3_Nmm_per_rad3": 1e8, "range_rad": [-0.5, 0.5]
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("steps", [4, 16])
+def test_a_step_that_ends_on_another_branch_is_taken_in_shorter_ones(steps):
+    """A leg whose hinge stiffens has a sharp knee at 0.1395 mm; the first step of a grid leads far beyond it."""
+    problem = VjmEngine(12).problem(leg(0.4, law=STIFFENING), LoadCase("bent", -4.0))
+    coarse, adaptive = trace_grid(problem, np.linspace(0.0, 4.0, steps + 1)), follow(problem, problem.load_case)
+    assert coarse.stopped == ""
+    knee = next(event for event in adaptive.events if event.kind is EventKind.STIFFNESS_KNEE)
+    assert knee.s == pytest.approx(0.1395, abs=1e-4)
+    # from the point of the adaptive path before each, by Newton's method
+    for s, wrench in zip(coarse.s[1:], coarse.wrench[1:], strict=True):
+        near = adaptive.points[int(np.searchsorted(adaptive.s, s)) - 1]
+        exact = problem.solve(float(s), near, np.zeros_like(near.state))
+        np.testing.assert_allclose(wrench[:3], exact.wrench[:3], rtol=1e-6, atol=1e-3)
 
 
 # Columns alone: closed forms, round bars whose two modes buckle together, single springs, and no joints at all.

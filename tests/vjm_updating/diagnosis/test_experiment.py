@@ -14,6 +14,7 @@ from vjm.model.load_case import LoadCase
 from vjm_updating.diagnosis import experiment
 from vjm_updating.diagnosis.document import ExperimentRow
 from vjm_updating.diagnosis.experiment import FURTHER, MOST, SHORT_OF, WANTED, propose
+from vjm_updating.diagnosis.kinds import kind_of
 from vjm_updating.diagnosis.preprocess import prepare
 from vjm_updating.experiment import read_measurement
 from vjm_updating.inference.fitting import best_fit
@@ -55,6 +56,16 @@ def pulled(tmp_path_factory):
         found[cause] = best_fit(prepared.fitter, (effect,), start, [values])
         assert found[cause] is not None
     return prepared, found
+
+
+def test_no_experiment_is_proposed_that_shows_less_than_the_noise(pulled):
+    prepared, fits = pulled
+    first = fits["actuator_compliance"]
+    kind = kind_of(prepared.all.measurement)
+    alike = [SimpleNamespace(causes=frozenset(names), fit=first) for names in ((), ("creep",))]
+    row = kind.next_experiment(prepared.fitter, SimpleNamespace(members=alike))
+    assert (row.posture, row.path, row.strength) == ("", "", None)
+    assert row.why == "no ramp in a posture of the model tells nothing from creep by more than the noise"
 
 
 def critical(posture: str, sign: float) -> float:
