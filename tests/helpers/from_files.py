@@ -6,13 +6,13 @@ A page takes as long as some diagnoses: it is drawn where a test asks for it.
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, assert_never
 
 from vjm_updating import calibrate as calibrated
 from vjm_updating import diagnose as diagnosed
 from vjm_updating import load_data
 from vjm_updating.calibration.document import Calibration
-from vjm_updating.diagnosis.document import Diagnosis
+from vjm_updating.diagnosis.document import SURE, Diagnosis, Word
 from vjm_updating.poses.document import PoseCalibration, PoseDiagnosis
 from vjm_updating.poses.kinds import read_test
 from vjm_updating.poses.measurement import RobotMeasurement
@@ -32,7 +32,26 @@ def _diagnose(
 ) -> Diagnosis | PoseDiagnosis:
     result = diagnosed(load_data(data, sheet), beside=[load_data(*files) for files in beside], **options)
     _write(result, out, page=page)
+    assert contradictions(result.figures) == []
     return result.figures
+
+
+def contradictions(said: Diagnosis | PoseDiagnosis) -> list[str]:
+    """Where the verdict's word says something else than the findings beside it."""
+    acts = {row.cause for row in said.findings.causes if row.word is Word.ACTS}
+    sure, unknown = acts.union(*(row.causes for row in said.findings.groups)), said.findings.unknown or 0.0
+    match said.verdict:
+        case "none" | "unknown":
+            return [f"{said.verdict}, but {cause} acts" for cause in sorted(sure)]
+        case "named" | "class" | "partly":
+            result = [f"{said.verdict} without {cause}, which acts" for cause in sorted(acts - set(said.causes))]
+            if (said.findings.nothing or 0.0) > 1.0 - SURE:
+                result.append(f"{said.verdict}, but nothing may act")
+            if said.verdict == "named" and unknown < 1.0 - SURE:
+                result += [f"named, but {cause} only may act" for cause in sorted(set(said.causes) - sure)]
+            return result
+        case _:
+            assert_never(said.verdict)
 
 
 def diagnose(

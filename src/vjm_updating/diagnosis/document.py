@@ -19,8 +19,6 @@ from vjm_updating.constants import stated_level
 
 SURE = stated_level(0.95)
 """Probability from which on a cause, or one of a group, is said to act: that of the intervals of parameters."""
-NOTHING = "nothing"
-"""What a set without causes is called."""
 
 
 class Word(StrEnum):
@@ -367,7 +365,7 @@ class CriticalPointRow(Row):
 
 
 class CandidateRow(Row):
-    """A set of causes that remains possible; in a class, nothing may be one."""
+    """A set of causes that remains possible."""
 
     causes: list[str]
     places: list[str] = Field([], description="the causes with the part that each sits in, as in creep(foot)")

@@ -23,7 +23,7 @@ COLOURS, LEFT = {Word.ACTS: "#0072B2", Word.ONE_OF: "#56B4E9", Word.MAY: "#b0b0b
 HEADLINES = {
     "none": "The model explains the readings within the noise and the tolerances of the sheet.",
     "named": "What the model gets wrong is named.",
-    "class": "These readings do not tell which of several explanations is right.",
+    "class": "Several causes explain the readings alike; these readings cannot distinguish them.",
     "partly": "Most of what the model gets wrong is named; what remains is more than noise.",
     "unknown": "The model is wrong, and no known cause explains how.",
 }

@@ -22,7 +22,7 @@ from vjm.model.parameters import compliance_factor
 from vjm.rotations import Array
 from vjm_updating.calibration.calibrated_model import extended_chain
 from vjm_updating.constants import numerical, prior_scale, shown
-from vjm_updating.diagnosis.document import NOTHING, CriticalPointRow, ExperimentRow, ValueRow
+from vjm_updating.diagnosis.document import CriticalPointRow, ExperimentRow, ValueRow
 from vjm_updating.diagnosis.evidence import Costs, ScoredModel
 from vjm_updating.diagnosis.experiment import propose
 from vjm_updating.diagnosis.holdout import HoldOut, hold_out, split_of
@@ -307,7 +307,7 @@ class RampTest:
             if member.causes != first.causes and len(others) < MOST_PAIRS:
                 others.setdefault(member.causes, member.fit)
         proposal = propose(fitter, [first.fit, *others.values()])
-        one, *rest = (" + ".join(sorted(causes)) or NOTHING for causes in (first.causes, *others))
+        one, *rest = (" + ".join(sorted(causes)) for causes in (first.causes, *others))
         reason = f"tells {one} from {' and from '.join(rest)}"
         if proposal is None:
             return ExperimentRow(why=f"no ramp in a posture of the model {reason} by more than the noise")

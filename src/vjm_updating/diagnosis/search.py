@@ -171,11 +171,13 @@ class Search:
                 self.settled(self.tried[move.labels])
 
     def complete_singles(self, best: ScoredModel) -> ScoredModel:
-        """Fit every cause alone that to first order is not improbable beside the best; the best of all then.
+        """Fit every cause alone that to first order is not improbable beside the best; the best of them all.
 
-        So what is said to be probable is so by a fit.
+        So what is said to be probable is so by a fit, and what is the most probable does not depend on whether it
+        is significant.
         """
         moves = {move.labels: move for move in self._forward(self.tried[frozenset()])}
+        best = best if best.labels else self._best
         for effect, value in sorted(self.singles().items(), key=lambda pair: pair[1]):
             labels = frozenset([effect.label])
             if labels in self.tried or value - best.criterion > IMPROBABLE:
@@ -183,8 +185,7 @@ class Search:
             self._try(moves[labels])
             if labels in self.tried:
                 own = self.settled(self.tried[labels])
-                if own.criterion < best.criterion and self.significant(own):
-                    best = own
+                best = min(best, own, key=lambda r: r.criterion)
         return best
 
     def singles(self) -> dict[Effect, float]:

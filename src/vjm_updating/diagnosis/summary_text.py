@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from vjm_updating.diagnosis.document import NOTHING, SURE, CandidateRow, CriticalPointRow, Diagnosis, ValueRow
+from vjm_updating.diagnosis.document import SURE, CandidateRow, CriticalPointRow, Diagnosis, ValueRow
 from vjm_updating.experiment.data_file import POSE, WRENCH
 from vjm_updating.inference.significance import ALL_ROUND, NORMAL_95
 
@@ -23,7 +23,7 @@ def lines(diagnosis: Diagnosis) -> list[str]:
     if diagnosis.noise is not None and diagnosis.noise.outliers:
         result.append(f"outliers, which do not count: {diagnosis.noise.outliers} of the samples")
     for candidate in diagnosis.candidates:
-        where = [_or_elsewhere(diagnosis, place) for place in candidate.places] or placed(candidate) or [NOTHING]
+        where = [_or_elsewhere(diagnosis, place) for place in candidate.places] or placed(candidate)
         result.append(f"  {' + '.join(where)}, probability {candidate.probability:.2f}")
         for name, value in candidate.parameters.items():
             result.append(f"    {name} = {_text(name, value)}")
@@ -52,7 +52,7 @@ def lines(diagnosis: Diagnosis) -> list[str]:
             result.append(_critical(point, extended=extended))
     for row in diagnosis.transfer:
         error = "does not stand" if row.rmse is None else f"{row.rmse:.3g} {row.unit}"
-        result.append(f"beside, by {' + '.join(row.causes) or NOTHING}: {row.what}: {error}")
+        result.append(f"beside, by {' + '.join(row.causes)}: {row.what}: {error}")
     if diagnosis.next_experiment.why:
         n = diagnosis.next_experiment
         result.append(f"next: posture {n.posture}, {n.path}: {n.why}" if n.posture else f"next: {n.why}")

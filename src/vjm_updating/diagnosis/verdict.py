@@ -129,7 +129,7 @@ class Verdict:
 
     Attributes:
         kind: none, named, class or unknown.
-        members: hypotheses that remain possible, the most probable first. A class may have the one without causes.
+        members: hypotheses that remain possible, the most probable first.
         confidence: posterior probability that kind and set are right.
         places: of each member the hypotheses that have its causes elsewhere: the likeliest, see
             `credible_places`.
@@ -179,7 +179,7 @@ def judge(search: Search, best: ScoredModel) -> Verdict:
     # among as many causes as the catalogue has
     choice = 2.0 * float(np.log(len({effect.cause for effect in search.effects}) or 1))
     alone = ScoredModel(search.null, search.null.objective + unmodelled(fitter, search.null) + choice, choice)
-    best = search.complete_singles(_settled(search, best, alone.criterion))
+    best = _settled(search, search.complete_singles(best), alone.criterion)
     rest = search.rest(best.fit)
     if best.labels:
         search.complete_parts(best)
@@ -205,12 +205,14 @@ def judge(search: Search, best: ScoredModel) -> Verdict:
     # the largest error that a law has, more than noise is no error of a law
     farthest = rest.law_error == largest(search.costs.law_error)
     refused = not best.fit.converged or (wrong and (farthest or not inexact))
-    if posterior.unknown > 0.5 or (best.labels and refused):
+    # a cause is named where it is sure that one acts
+    sound = not best.labels or posterior.nothing > 1.0 - SURE
+    if posterior.unknown > 0.5 or (refused and not sound):
         # a residual that is more than noise is a reason beyond the posterior's: even odds at least
         sure = max(0.5, posterior.unknown)
         return replace(bare, kind="unknown", confidence=sure, others=_others(weights, []))
-    if not best.labels:
-        return replace(bare, others=_others(weights, [best]))
+    if sound:
+        return replace(bare, others=_others(weights, []))
     # in whichever place it is, it is that cause; those beside the main one that are not sure to act are not named
     unsure = posterior.unsure
     less = [r for r in weights if r.causes == best.causes - unsure]
@@ -234,12 +236,12 @@ def judge(search: Search, best: ScoredModel) -> Verdict:
 def credible_causes(best: ScoredModel, total: Mapping[ScoredModel, float]) -> list[ScoredModel]:
     """The fewest sets of causes of which one is right with 95 %, the best one among them and first.
 
-    A set that says the same as a member with more causes or parameters counts as that member. The empty set, that
-    nothing acts, is one as any other. ``total`` has the probability of each one's causes, in whichever places.
+    A set that says the same as a member with more causes or parameters counts as that member. One without a cause
+    does not count. ``total`` has the probability of each one's causes, in whichever places.
     """
     sets = {best.causes: best}
     for rival in sorted(total, key=lambda r: (-total[r], r.criterion)):
-        if rival.fit.converged:
+        if rival.labels and rival.fit.converged:
             sets.setdefault(rival.causes, rival)
     p = {one: total[one] for one in sets.values()}
     return credible(best, p, needless, RIVALS)
@@ -423,7 +425,7 @@ def predicts_worse(gain: GainRow) -> bool:
 
 def withdrawn(verdict: Verdict, doubt: str) -> Verdict:
     """Unknown instead of a verdict that names causes, and why, in words; they stay among what is less likely."""
-    named = ((m, p) for m, p in zip(verdict.members, verdict.probabilities, strict=True) if m.labels)
+    named = tuple(zip(verdict.members, verdict.probabilities, strict=True))
     return replace(
         verdict,
         kind="unknown",
@@ -437,12 +439,7 @@ def withdrawn(verdict: Verdict, doubt: str) -> Verdict:
 
 
 def needless(best: ScoredModel, rival: ScoredModel) -> bool:
-    """Whether a rival that is no better says the same with more causes, or with a parameter more.
-
-    A cause is never the same as nothing.
-    """
-    if not best.labels:
-        return False
+    """Whether a rival that is no better says the same with more causes, or with a parameter more."""
     if len(rival.labels) > len(best.labels) or rival.labels > best.labels:
         return True
     others = [effect for effect in best.fit.hypothesis if effect.label not in rival.labels]

@@ -10,7 +10,7 @@ from pydantic import Field
 from vjm.io.findings import Grade
 from vjm_output.documents import MADE_OF, DoubtRow, Row, VersionRow
 from vjm_updating.constants import shown
-from vjm_updating.diagnosis.document import NOTHING, FindingsRow
+from vjm_updating.diagnosis.document import FindingsRow
 from vjm_updating.inference.significance import Worth
 from vjm_updating.poses.state import AT_RANDOM, BY_LEVEL, BY_SERIES
 
@@ -503,7 +503,7 @@ def _diagnosis(diagnosis: PoseDiagnosis) -> list[str]:
         result[0] += f": {', '.join(diagnosis.causes)}"
     result += diagnosis.findings.words
     if diagnosis.verdict != "unknown":
-        result += [f"  as good: {', '.join(row) or NOTHING}" for row in diagnosis.alternatives]
+        result += [f"  as good: {', '.join(row)}" for row in diagnosis.alternatives]
     result += [f"  not added: {row.name}: {row.reason}" for row in diagnosis.refused]
     beside = "".join(f", on {name}" for name in diagnosis.beside)
     between = BY_LEVEL if diagnosis.grid else AT_RANDOM

@@ -394,7 +394,7 @@ def _alternatives(weighed: Sequence[PosteriorSample], causes: Sequence[str]) -> 
     for one in weighed:
         names = frozenset(one.places)
         p[names] = p.get(names, 0.0) + one.probability
-    sets = credible(best, p, lambda one, rival: 0 < len(one) < len(rival))
+    sets = credible(best, p, lambda one, rival: len(rival) > len(one))
     return tuple(tuple(sorted(names)) for names in sets if names != best)
 
 

@@ -62,10 +62,10 @@ def test_no_experiment_is_proposed_that_shows_less_than_the_noise(pulled):
     prepared, fits = pulled
     first = fits["actuator_compliance"]
     kind = kind_of(prepared.all.measurement)
-    alike = [SimpleNamespace(causes=frozenset(names), fit=first) for names in ((), ("creep",))]
+    alike = [SimpleNamespace(causes=frozenset(names), fit=first) for names in (("gravity",), ("creep",))]
     row = kind.next_experiment(prepared.fitter, SimpleNamespace(members=alike))
     assert (row.posture, row.path, row.strength) == ("", "", None)
-    assert row.why == "no ramp in a posture of the model tells nothing from creep by more than the noise"
+    assert row.why == "no ramp in a posture of the model tells gravity from creep by more than the noise"
 
 
 def critical(posture: str, sign: float) -> float:
