@@ -12,7 +12,6 @@ from vjm.engines import VjmEngine
 from vjm.io.model_file import load_chain
 from vjm.model.laws import StrainWave
 from vjm_updating.inference.bounded_normal import bounded_step
-from vjm_updating.inference.joint_forward import deflections
 from vjm_updating.inference.noise import uncorrelated_noise
 from vjm_updating.mechanisms.column import column_force
 from vjm_updating.mechanisms.equilibrium_tables import HalfRay, Sheaf, tabulate
@@ -20,7 +19,15 @@ from vjm_updating.mechanisms.history_kernels import hardening_deflections
 from vjm_updating.mechanisms.hysteresis import friction_torques
 from vjm_updating.mechanisms.modified_chain import ModifiedMachine
 from vjm_updating.mechanisms.relaxation import Relaxation, relaxing
-from vjm_updating.mechanisms.series_elements import AlongAxis, History, SeriesElement, balance, retarded, yielding
+from vjm_updating.mechanisms.series_elements import (
+    AlongAxis,
+    History,
+    SeriesElement,
+    balance,
+    deflections,
+    retarded,
+    yielding,
+)
 
 
 def histories() -> None:

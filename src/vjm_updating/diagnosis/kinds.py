@@ -414,7 +414,7 @@ def joint_effects(observed: Observed) -> list[Effect]:
     compliance = observed.measurement.joint_compliance
     force = float(np.nanmax(np.abs(observed.measured))) / of_load
     reach = float(np.abs(observed.imposed[:, 0]).max()) * of_motion / lever
-    own = drive_of(joint.name, slides=joint.slides, compliance=compliance, lever=lever, force=force)
+    own = drive_of(joint, compliance=compliance, lever=lever, force=force)
     backlash = [] if one_sided(observed.measurement) else [ActuatorBacklash(force, joint.name, own)]
     return [
         JointCompliance(joint.name, own),

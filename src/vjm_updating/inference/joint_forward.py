@@ -12,8 +12,9 @@ from typing import Any
 import numpy as np
 
 from vjm.errors import NoConvergenceError
-from vjm.model.laws import Curve, Law, StrainWave
+from vjm.model.laws import Law, StrainWave
 from vjm.model.machine import Machine
+from vjm.model.parts import Joint
 from vjm.rotations import Array
 from vjm_updating.constants import numerical, physical_bound, prior_scale
 from vjm_updating.experiment.comparison import levers_of, stiffness_of
@@ -27,12 +28,20 @@ from vjm_updating.mechanisms.drives import (
     ActuatorHardening,
     DriveSite,
     InDrive,
+    law_told_by_force,
     wound_up_by_load,
 )
 from vjm_updating.mechanisms.effect import Effect, Quantity, part_table
-from vjm_updating.mechanisms.history_kernels import curve_deflections, hardening_deflections
+from vjm_updating.mechanisms.history_kernels import hardening_deflections
 from vjm_updating.mechanisms.hysteresis import friction_torques
-from vjm_updating.mechanisms.series_elements import AtJoint, ElementSite, History, SeriesElement, memoryless
+from vjm_updating.mechanisms.series_elements import (
+    AtJoint,
+    ElementSite,
+    History,
+    SeriesElement,
+    deflections,
+    memoryless,
+)
 
 SMALLEST_COMPLIANCE = physical_bound(0.05)
 """Share of the model's compliance that a joint has at least: it may be twenty times as stiff as the model says."""
@@ -84,15 +93,17 @@ class JointCompliance(SpringUnderTest, ActuatorCompliance):
     title = "the joint is softer or stiffer than the model says"
 
     def sliding(self) -> tuple[Quantity, ...]:
-        """Beyond what the model has; negative where it is stiffer."""
+        """Beyond what the model has; negative where it is stiffer. A law is so many times as soft."""
+        if self.drive.law is not None:
+            return (Quantity("factor", SMALLEST_COMPLIANCE, 1.0 + LARGEST_COMPLIANCE, 0.1, neutral=1.0),)
         c = self.drive.compliance
         low, high = (SMALLEST_COMPLIANCE - 1.0) * c, LARGEST_COMPLIANCE * c
         return (Quantity("compliance_mm_per_N", low, high, 0.1 * c, neutral=0.0),)
 
     def trials(self) -> Sequence[tuple[float, ...]]:
         """A tenth softer and stiffer."""
-        scale = self.quantities()[0].scale
-        return [(scale,), (-scale,)]
+        (own,) = self.quantities()
+        return [((own.neutral or 0.0) + sign * own.scale,) for sign in (1.0, -1.0)]
 
 
 @dataclass(frozen=True)
@@ -223,17 +234,6 @@ def beyond_straight(law: Law, joint: str, compliance: float, lever: float) -> Se
     return SeriesElement(AtJoint(joint, lever), memoryless(extension))
 
 
-def deflections(curve: Curve, forces: Array) -> tuple[Array, Array]:
-    """Deflections ``(n,)`` at forces ``(n,)`` of a curve whose slope is nowhere zero, and tangents there ``(n,)``.
-
-    Example:
-        >>> gear = StrainWave(K1=1.0, K2=2.0, K3=4.0, T1=1.0, T2=3.0)
-        >>> deflections(gear.curve, np.array([-0.5, 7.0]))[0].tolist()
-        [-0.5, 3.0]
-    """
-    return curve_deflections(forces, curve.knots, curve.pieces)
-
-
 def _told(drive: DriveSite, own: Quantity) -> Quantity:
     """A compliance in mm/N at the lever as one in rad/(N mm) where the joint turns."""
     per = float(drive.factors((own,))[0])
@@ -280,14 +280,14 @@ class DriveFriction(Effect):
         return float(values[1])
 
 
-def drive_of(name: str, *, slides: bool, compliance: float, lever: float, force: float) -> DriveSite:
+def drive_of(joint: Joint, *, compliance: float, lever: float, force: float) -> DriveSite:
     """The place of a joint's effects.
 
     The ``compliance`` is the model's, rad/(N mm) or mm/N. Turns are counted at ``lever`` mm, 1 for what slides,
     where ``force``, N, is the largest of the test.
     """
     c = compliance * lever**2
-    return DriveSite(name, name, not slides, lever, c, c, force)
+    return DriveSite(joint.name, joint.name, not joint.slides, lever, c, c, force, law_told_by_force(joint))
 
 
 TURNS = numerical(200)

@@ -14,6 +14,7 @@ import numpy as np
 
 from vjm.errors import NoConvergenceError
 from vjm.io.checks import checked_part_compliance
+from vjm.model.laws import Law
 from vjm.model.machine import FOOT, Machine
 from vjm.model.parts import Joint, JointKind, Part
 from vjm.rotations import Array
@@ -21,7 +22,7 @@ from vjm_updating.constants import prior_scale
 from vjm_updating.mechanisms.effect import SAME, Effect, ExperimentContext, Quantity, drive, part_table
 from vjm_updating.mechanisms.joint_motions import braced, joint_motions
 from vjm_updating.mechanisms.modified_chain import LINK, NEITHER, ModifiedMachine, foot_of, links_of, place_of
-from vjm_updating.mechanisms.series_elements import AtJoint, ElementSite, SeriesElement, memoryless
+from vjm_updating.mechanisms.series_elements import AtJoint, ElementSite, SeriesElement, deflections, memoryless
 from vjm_updating.mechanisms.structure import FACTOR
 
 SOFT = "_mm_per_N"
@@ -45,6 +46,7 @@ class DriveSite:
         matters: change of it that matters, mm/N at the lever; of a joint a share, `part_compliance.FACTOR`'s, of
             what the joint has or the whole machine shows in the test, whichever is more.
         force: the largest one on it in the test, at the lever, N.
+        law: of its spring in the model, where it has one that a force tells; else None.
     """
 
     part: str = ""
@@ -54,6 +56,7 @@ class DriveSite:
     compliance: float = 0.0
     matters: float = USUAL
     force: float = 1000.0
+    law: Law | None = None
 
     def place(self, machine: ModifiedMachine) -> ElementSite:
         """Where elements sit.
@@ -145,7 +148,11 @@ def drives(scene: ExperimentContext) -> list[DriveSite]:
     """
     machine, chain = scene.machine, scene.chain
     own = machine.drive
-    sites = [] if own is None else [DriveSite(compliance=compliance_of(own), force=scene.force)]
+    sites = (
+        []
+        if own is None
+        else [DriveSite(compliance=compliance_of(own), force=scene.force, law=law_told_by_force(own))]
+    )
     away = braced(machine, scene.labels)
     joints = [j for j in chain.moving if j.held and _is_driven(chain, j) and j.name not in away]
     if not joints or not scene.slips:
@@ -171,8 +178,14 @@ def drives(scene: ExperimentContext) -> list[DriveSite]:
         compliance = compliance_of(first) * lever**2
         matters = FACTOR.scale * max(compliance, scene.reach / scene.force)
         load = _load(begun, first.name, lever) * scene.force or scene.force
-        sites.append(DriveSite(name, first.name, not first.slides, lever, compliance, matters, load))
+        law = law_told_by_force(first) if len(same) == 1 else None
+        sites.append(DriveSite(name, first.name, not first.slides, lever, compliance, matters, load, law))
     return sites
+
+
+def law_told_by_force(joint: Joint) -> Law | None:
+    """The law of a joint's spring, where it has one that a force tells."""
+    return joint.law if joint.law is not None and joint.law.rises else None
 
 
 def _begun(scene: ExperimentContext) -> list[tuple[Array, dict[str, Array]]]:
@@ -228,30 +241,46 @@ COMPLIANCE = Quantity("compliance_mm_per_N", 0.0, 1e-2, 1e-5, neutral=0.0)
 
 @dataclass(frozen=True)
 class ActuatorCompliance(InDrive):
-    """``x = c N`` along the drive, or ``x = c M`` about the axis of a joint that turns."""
+    """``x = c N`` along the drive, or ``x = c M`` about the axis of a joint that turns.
+
+    A drive with a law deflects by a factor more than its law says.
+    """
 
     part: str = ""
     drive: DriveSite = BEFORE_JOINTS
     cause = "actuator_compliance"
-    title = "the drive deflects linearly along its axis"
+    title = "the drive is softer along its axis"
 
     def sliding(self) -> tuple[Quantity, ...]:
         """Beyond what the model has."""
-        return (COMPLIANCE,)
+        return (COMPLIANCE if self.drive.law is None else FACTOR,)
 
     def sliding_trials(self) -> Sequence[tuple[float, ...]]:
         """A twentieth of a foot's."""
-        return [(1e-5,)]
+        return [(1e-5,)] if self.drive.law is None else [(1.3,), (0.8,)]
 
     def sliding_elements(self, place: ElementSite, values: Sequence[float]) -> tuple[SeriesElement, ...]:
         """One spring."""
-        c = values[0]
-        return (SeriesElement(place, memoryless(lambda N: (c * N, np.full_like(N, c)))),)
+        if self.drive.law is None:
+            c = values[0]
+            return (SeriesElement(place, memoryless(lambda N: (c * N, np.full_like(N, c)))),)
+        more, lever, curve = values[0] - 1.0, self.drive.lever, self.drive.law.curve
+
+        def law(N: Array) -> tuple[Array, Array]:
+            u, tangent = deflections(curve, N * lever)
+            return more * lever * u, more * lever**2 / tangent
+
+        return (SeriesElement(place, memoryless(law)),)
 
     def built(self, chain: Machine, values: Sequence[float]) -> Machine:
         """A chain with it, added to what the joint, or each drive that slides before all joints, has."""
-        softer: dict[str, Part] = {joint.name: softened(joint, values[0]) for joint in self._joints(chain)}
+        softer: dict[str, Part] = {joint.name: self._softened(joint, values[0]) for joint in self._joints(chain)}
         return replace(chain, parts=tuple(softer.get(part.name, part) for part in chain.parts))
+
+    def _softened(self, joint: Joint, by: float) -> Joint:
+        if joint.law is not None and self.drive.law is not None:
+            return replace(joint, law=joint.law.softer(by))
+        return softened(joint, by)
 
     def _joints(self, chain: Machine) -> list[Joint]:
         """The joint, or each drive that slides before all joints."""
@@ -261,8 +290,8 @@ class ActuatorCompliance(InDrive):
         return [joint for joint in joints if joint.kind is JointKind.ACTUATOR]
 
     def is_written(self, nominal: Machine, values: Sequence[float]) -> bool:
-        """Whether a joint's numbers can say it: no law can, nor a 6×6 that is rigid askew to the joint's axis."""
-        if any(joint.law is not None for joint in self._joints(nominal)):
+        """Whether a joint's numbers can say it: no law that no force tells, nor a 6×6 rigid askew to the axis."""
+        if self.drive.law is None and any(joint.law is not None for joint in self._joints(nominal)):
             return False
         for joint in self._joints(self.built(nominal, values)):
             if joint.matrix is not None:
@@ -278,7 +307,9 @@ class ActuatorCompliance(InDrive):
             return
         for joint in self._joints(self.built(nominal, values)):
             table = part_table(document, joint.name)
-            if joint.matrix is not None:
+            if joint.law is not None:
+                table["law"] = joint.law.table(slides=joint.slides)
+            elif joint.matrix is not None:
                 table["compliance"] = joint.matrix.tolist()
             elif joint.passive:
                 table["stiffness_N_per_mm" if joint.slides else "stiffness_Nmm_per_rad"] = float(joint.stiffness)

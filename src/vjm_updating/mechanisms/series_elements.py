@@ -22,9 +22,10 @@ from typing import NamedTuple
 import numpy as np
 
 from vjm.errors import NoConvergenceError
+from vjm.model.laws import Curve
 from vjm.rotations import Array, skew
 from vjm_updating.constants import numerical
-from vjm_updating.mechanisms.history_kernels import decaying, driven, flowing, softened, stepped
+from vjm_updating.mechanisms.history_kernels import curve_deflections, decaying, driven, flowing, softened, stepped
 
 TOLERANCE = numerical(1e-7, "mm")
 """mm up to which elements are in balance with the chain."""
@@ -308,6 +309,18 @@ class Memoryless:
 
 memoryless = Memoryless
 """A law without history, by the name that effects write."""
+
+
+def deflections(curve: Curve, forces: Array) -> tuple[Array, Array]:
+    """Deflections ``(n,)`` at forces ``(n,)`` of a curve whose slope is nowhere zero, and tangents there ``(n,)``.
+
+    Example:
+        >>> from vjm.model.laws import StrainWave
+        >>> gear = StrainWave(K1=1.0, K2=2.0, K3=4.0, T1=1.0, T2=3.0)
+        >>> deflections(gear.curve, np.array([-0.5, 7.0]))[0].tolist()
+        [-0.5, 3.0]
+    """
+    return curve_deflections(forces, curve.knots, curve.pieces)
 
 
 def retarded(compliance: float, seconds: float) -> Law:
