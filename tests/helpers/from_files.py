@@ -42,7 +42,10 @@ def contradictions(said: Diagnosis | PoseDiagnosis) -> list[str]:
     sure, unknown = acts.union(*(row.causes for row in said.findings.groups)), said.findings.unknown or 0.0
     match said.verdict:
         case "none" | "unknown":
-            return [f"{said.verdict}, but {cause} acts" for cause in sorted(sure)]
+            result = [f"{said.verdict}, but {cause} acts" for cause in sorted(sure)]
+            if said.verdict == "unknown" and (said.findings.unknown or 1.0) < 0.5:
+                result.append(f"unknown, but that with a probability of {unknown:.2f}")
+            return result
         case "named" | "class" | "partly":
             result = [f"{said.verdict} without {cause}, which acts" for cause in sorted(acts - set(said.causes))]
             if (said.findings.nothing or 0.0) > 1.0 - SURE:

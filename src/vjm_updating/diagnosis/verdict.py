@@ -168,7 +168,8 @@ class Verdict:
             trusted=self.kind != "unknown",
             places=places,
             nothing=posterior.nothing,
-            unknown=posterior.unknown,
+            # the residual, and what was held out, speak beyond the posterior
+            unknown=self.confidence if self.kind == "unknown" else posterior.unknown,
             within_law=dict.fromkeys(posterior.unsure, posterior.main),
         )
 
