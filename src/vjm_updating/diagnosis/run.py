@@ -366,7 +366,7 @@ def _searched(
         if best.labels == before.labels:
             break
     best = search.begun_anew(kind.completed(search, best))
-    return replace(prepared, null=search.null), search, best
+    return replace(prepared, null=search.null, held_against=prepared.held_against or not near), search, best
 
 
 def _search(prepared: Prepared, kind: RampTest, progress: Callable[[str], None]) -> Search:
