@@ -139,9 +139,12 @@ def law_covariance(fitter: LeastSquaresProblem, fit: Fit, law_error: float, expl
     The fit follows what they do wrong as it follows noise. How wrong they are is known by what the fit leaves: the
     mean square of the relative error, given that and its prior of the scale ``law_error``.
     """
+    nothing = np.zeros((len(fit.parameters), len(fit.parameters)))
+    if law_error == 0.0:
+        return nothing
     columns = law_columns(fitter, fit, explained)
-    if law_error == 0.0 or not columns.shape[1]:
-        return np.zeros((len(fit.parameters), len(fit.parameters)))
+    if not columns.shape[1]:
+        return nothing
     space = projection(fitter, fit)
     directions, sizes = _principal(space, columns)
     follows = inverse(fitter.normal(fit), uncertain(fit.parameters)) @ fitter.whitening.flat(fit.jacobian).T

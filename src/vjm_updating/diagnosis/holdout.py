@@ -86,10 +86,19 @@ def hold_out(fitter: LeastSquaresProblem, null: Fit, split: Split) -> HoldOut:
 
     def gained(fit: Fit) -> GainRow:
         after = held_out_residual(fitter, fit, split, before)
-        gain = _gain(fitter, fit, split, before, after, unsure(fitter, fit, split))
+        # no model predicts better than the rest leaves its parameters open, and the reading's own noise
+        steep = fitter.slopes(fit.parameters, fit.evaluation, fit.hypothesis)
+        parts = _left_open(fitter, fit, split, steep)
+        open_ = np.zeros_like(fit.evaluation.residual)
+        for own, C in parts:
+            J = steep[own]
+            open_[own] = np.sqrt(np.maximum(np.einsum("nij,jk,nik->ni", J, C, J), 0.0))
+        gain = _gain(fitter, fit, split, before, after, open_)
         if gain.after_in_sigma > NORMAL_95 * gain.expected_in_sigma:
             # near a critical load the first order expects too much
-            gain = _gain(fitter, fit, split, before, after, unsure(fitter, fit, split, curved=True))
+            for own, C in parts:
+                open_[own] = _deviation(fitter, fit, C)[own]
+            gain = _gain(fitter, fit, split, before, after, open_)
         return gain
 
     return gained
@@ -125,30 +134,21 @@ def held_out_residual(fitter: LeastSquaresProblem, fit: Fit, split: Split, other
     return np.where(fitter.whitening.present, result, 0.0)
 
 
-def unsure(fitter: LeastSquaresProblem, fit: Fit, split: Split, *, curved: bool = False) -> Array:
-    """Standard deviation ``(n, 6)`` of each reading's prediction by a right model fitted without its part.
+def _left_open(fitter: LeastSquaresProblem, fit: Fit, split: Split, steep: Array) -> list[tuple[np.ndarray, Array]]:
+    """Of each part its readings ``(n,)``, and the covariance ``(n_z, n_z)`` that the rest leaves a fit's z.
 
-    What the rest leaves open of the parameters, the sheet's tolerances among them. No model can be expected to
-    predict better than this and the reading's own noise. It is taken to first order, or where the predictions are
-    ``curved`` over what is open by the cubature of third degree (Arasaratnam and Haykin, IEEE Trans. Autom. Control
-    54 (2009) 1254).
+    ``steep`` (n, 6, n_z) are the slopes of the fit's readings; the sheet's tolerances are among the z.
     """
-    steep = fitter.slopes(fit.parameters, fit.evaluation, fit.hypothesis)
-    result = np.zeros_like(fit.evaluation.residual)
-    for own in split.parts():
-        A = _without(fitter, own).normal(replace(fit, jacobian=steep))
-        C, J = inverse(A, uncertain(fit.parameters)), steep[own]
-        if curved:
-            result[own] = _deviation(fitter, fit, C)[own]
-        else:
-            result[own] = np.sqrt(np.maximum(np.einsum("nij,jk,nik->ni", J, C, J), 0.0))
-    return result
+    known = replace(fit, jacobian=steep)
+    free = uncertain(fit.parameters)
+    return [(own, inverse(_without(fitter, own).normal(known), free)) for own in split.parts()]
 
 
 def _deviation(fitter: LeastSquaresProblem, fit: Fit, covariance: Array) -> Array:
     """Standard deviation ``(n, 6)`` of predictions about a fit whose z have a ``covariance`` (n_z, n_z).
 
-    By points along its principal axes, at the root of their number; those where no machine stands are left out.
+    By the cubature of third degree (Arasaratnam and Haykin, IEEE Trans. Autom. Control 54 (2009) 1254): by points
+    along its principal axes, at the root of their number. Those where no machine stands are left out.
     """
     low, high = (np.array([getattr(c, end) for c in fit.parameters]) for end in ("low", "high"))
     sizes, axes = np.linalg.eigh(covariance)

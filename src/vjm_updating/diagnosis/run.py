@@ -325,7 +325,7 @@ def diagnose_ramps(
 
 
 def _searched(
-    prepared: Prepared, kind: RampTest, progress: Callable[[str], None], *, near: bool = True
+    prepared: Prepared, kind: RampTest, progress: Callable[[str], None], *, near: bool
 ) -> tuple[Prepared, Search, ScoredModel]:
     """The search about the noise that its own best shows, and the best.
 

@@ -148,11 +148,9 @@ def drives(scene: ExperimentContext) -> list[DriveSite]:
     """
     machine, chain = scene.machine, scene.chain
     own = machine.drive
-    sites = (
-        []
-        if own is None
-        else [DriveSite(compliance=compliance_of(own), force=scene.force, law=law_told_by_force(own))]
-    )
+    sites: list[DriveSite] = []
+    if own is not None:
+        sites.append(DriveSite(compliance=compliance_of(own), force=scene.force, law=law_told_by_force(own)))
     away = braced(machine, scene.labels)
     joints = [j for j in chain.moving if j.held and _is_driven(chain, j) and j.name not in away]
     if not joints or not scene.slips:

@@ -503,8 +503,9 @@ def test_a_step_that_ends_on_another_branch_is_taken_in_shorter_ones(steps):
     coarse, adaptive = trace_grid(problem, np.linspace(0.0, 4.0, steps + 1)), follow(problem, problem.load_case)
     assert coarse.stopped == ""
     knee = next(event for event in adaptive.events if event.kind is EventKind.STIFFNESS_KNEE)
+    # to the digits given
     assert knee.s == pytest.approx(0.1395, abs=1e-4)
-    # from the point of the adaptive path before each, by Newton's method
+    # from the point of the adaptive path before each, to Newton's tolerance
     for s, wrench in zip(coarse.s[1:], coarse.wrench[1:], strict=True):
         near = adaptive.points[int(np.searchsorted(adaptive.s, s)) - 1]
         exact = problem.solve(float(s), near, np.zeros_like(near.state))

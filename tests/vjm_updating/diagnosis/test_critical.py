@@ -114,7 +114,7 @@ def test_what_bends_on_behind_its_knee_has_no_second_one():
     # read behind its knee only
     assert knee(s, 7500.0 + 1140.0 * np.sqrt(s)) is None
     assert knee(s, np.minimum(24000.0 * s, 7500.0 + np.minimum(500.0 * s, 1400.0))) is None
-    # and with its zero off by a hundredth
+    # and with its zero off by a hundredth; the lines meet at one of the places, to rounding
     fine = np.linspace(0.0, 3.0, 40)
     assert knee(fine, 20.0 + np.minimum(1000.0 * fine, 2000.0))[0] == pytest.approx(2.0, rel=1e-10)
 

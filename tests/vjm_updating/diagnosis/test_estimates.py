@@ -162,7 +162,8 @@ def test_laws_that_are_not_quite_right_widen_intervals():
     narrow, wide = estimates(fitter, fit), estimates(fitter, fit, by_laws)
     for name, row in wide.items():
         width, before = row.high - row.low, narrow[name].high - narrow[name].low
-        # twice, though a displacement's size has an end at nothing and the exponent its prior
+        # twice, to what slopes by differences are rounded by; the displacement has an end at nothing, and the
+        # exponent its prior
         assert row.std == pytest.approx(2.0 * narrow[name].std, rel=1e-6)
         assert width == pytest.approx(2.0 * before, rel=QUANTILES["rel"])
 

@@ -287,6 +287,7 @@ def test_a_fit_ends_at_a_kink_that_costs_little(heavy, monkeypatch, off, ended):
 
     monkeypatch.setattr(fitter.forward, "evaluate", kinked)
     fit = best_fit(fitter, (gravity,), best.evaluation.z[: len(fitter.nuisances)], best.values)
+    # further off the kink alone costs a hundred squares
     assert fit.evaluation.z[mass] == pytest.approx(best.evaluation.z[mass], rel=1e-3)
     assert fit.converged is ended
 
