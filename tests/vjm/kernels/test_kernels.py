@@ -53,7 +53,7 @@ def test_everything_about_a_state_agrees_with_the_dense_equations(chain, engine,
     values = np.linalg.eigvalsh(reduced)
     # rounding against the stiffest spring, amplified where the tangent is nearly singular
     slack = 1e-13 * values[-1] / np.abs(values).min()
-    assert compiled.visit(at.x, at.wrench) == np.count_nonzero(values < 0.0)
+    assert compiled.factorise(at.x, at.wrench) == np.count_nonzero(values < 0.0)
     K = oracle.loaded_stiffness(at)
     scale = np.abs(scaled_stiffness(model, K)).max()
     difference = scaled_stiffness(model, compiled.end_stiffness(at.x, at.wrench) - K)
