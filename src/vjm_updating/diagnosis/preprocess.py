@@ -135,15 +135,16 @@ def critical_points(prepared: Prepared, fit: Fit) -> list[CriticalPointRow]:
 def refresh(prepared: Prepared, best: Fit, aside: np.ndarray) -> Prepared | None:
     """Find outliers, the readings' covariances and the noise's autocorrelation again, about a better model.
 
-    Readings ``aside`` (n,) are left out. None where nothing changes by it, or the model is so far off that it tells
-    nothing of the noise. The fitter is then as it was, so that objectives found with it can still be compared.
+    Readings ``aside`` (n,) are left out. None where nothing changes by it, so that objectives can still be
+    compared, or where the model is so far off that it tells nothing of the noise.
     """
-    fitter, kind = prepared.fitter, kind_of(prepared.all.measurement)
+    readings, whitening = prepared.fitter.forward.observed, prepared.fitter.whitening
+    fitter = replace(prepared.fitter, forward=prepared.fitter.forward.reading(readings))
+    kind = kind_of(prepared.all.measurement)
     whole = kind.reweighted(fitter, prepared.all, best)
     if whole is None:
         return None
     everything = _less(whole, aside)
-    readings, whitening, branches = fitter.forward.observed, fitter.whitening, dict(fitter.forward.branches)
     refit(fitter, kind.without_outliers, everything, best)
     same = everything.noise is prepared.all.noise
     same &= np.array_equal(readings.present, fitter.forward.observed.present)
@@ -157,15 +158,9 @@ def refresh(prepared: Prepared, best: Fit, aside: np.ndarray) -> Prepared | None
     )
     alike = abs(own - squares) < SAME_NOISE * squares
     if same and close and alike and prepared.null.objective - best.objective < STRONG:
-        fitter.forward.observed, fitter.whitening, fitter.forward.branches = readings, whitening, branches
         return None
-    return replace(
-        prepared,
-        null=_fitted(fitter, prepared.null.evaluation.z, *_beside_kinks(fitter)),
-        all=whole,
-        aside=aside,
-        held_against=True,
-    )
+    null = _fitted(fitter, prepared.null.evaluation.z, *_beside_kinks(fitter))
+    return replace(prepared, fitter=fitter, null=null, all=whole, aside=aside)
 
 
 def _fitted(fitter: LeastSquaresProblem, *near: Array) -> Fit:

@@ -291,11 +291,11 @@ def diagnose_ramps(
     progress("the nominal model")
 
     def judged(*, near: bool) -> tuple[Prepared, Verdict, list[CandidateRow], list[CriticalPointRow]]:
-        nominal = prepare(observed, more, only=only, without=without)
-        prepared, search, best = _searched(nominal, kind, progress, near=near)
+        prepared, search, best = _refined(first, kind, progress, near=near)
         progress("verdict")
         return prepared, *_proved(prepared, kind, unless_unexplained(judge(search, best), mistakes))
 
+    first = _searched(prepare(observed, more, only=only, without=without), kind, progress)
     prepared, verdict, candidates, points = judged(near=True)
     worse = verdict.doubt or any(row.gain is not None and predicts_worse(row.gain) for row in candidates[:1])
     if worse and (prepared.critical & ~prepared.aside).any():
@@ -325,56 +325,57 @@ def diagnose_ramps(
 
 
 def _searched(
-    prepared: Prepared, kind: RampTest, progress: Callable[[str], None], *, near: bool
+    prepared: Prepared,
+    kind: RampTest,
+    progress: Callable[[str], None],
+    known: Mapping[frozenset[str], ScoredModel] | None = None,
+    begun: Sequence[ScoredModel] = (),
+) -> tuple[Prepared, Search, ScoredModel]:
+    """A search and its best; what an earlier one found is ``known``, and it goes on from what is ``begun``."""
+    fitter = prepared.fitter
+    samples = effective_samples(fitter.whitening.autoregression, fitter.whitening.present)
+    search = Search(
+        fitter, prepared.null, prepared.effects, samples, progress, known or {}, prepared.signed, kind.costs
+    )
+    best = search.run(begun)
+    return replace(prepared, null=search.null), search, best
+
+
+def _refined(
+    first: tuple[Prepared, Search, ScoredModel], kind: RampTest, progress: Callable[[str], None], *, near: bool
 ) -> tuple[Prepared, Search, ScoredModel]:
     """The search about the noise that its own best shows, and the best.
 
-    It begins without the readings near a critical point. Where that leaves noise alone it goes on with them from
-    what is then likely; where they leave more, those that no likely hypothesis predicts stay aside. All do where it
-    is not to go ``near``.
+    The ``first`` went without the readings near a critical point. Where a search without them leaves noise alone,
+    the next one goes on with them from what is then likely, unless it is not to go ``near``. Where that leaves
+    more, those that no likely hypothesis predicts stay aside.
     """
-
-    def run(
-        prepared: Prepared, known: Mapping[frozenset[str], ScoredModel], begun: Sequence[ScoredModel] = ()
-    ) -> tuple[Prepared, Search, ScoredModel]:
-        search = replace(_search(prepared, kind, progress), known=known)
-        best = search.run(begun)
-        return replace(prepared, null=search.null), search, best
-
-    left_out = np.zeros(len(prepared.critical), dtype=bool) if near else prepared.critical
-    prepared, search, best = run(prepared, {})
-    first, known = best, search.tried
-    right = near and prepared.critical.any() and not search.is_wrong(search.rest(best.fit))
-    # the best first: a search takes up a few
-    likely = sorted(
-        (r for r in search.tried.values() if r.criterion < best.criterion + RIVAL), key=lambda r: r.criterion
-    )
-    begun = likely if right and best.labels else []
+    prepared, search, best = first
+    against = not near
     for _ in range(AGAIN):
         # seen from a model that was off, noise and outliers were guesses
-        again = refresh(prepared, best.fit, left_out)
+        take_in = near and bool(prepared.aside.any()) and not search.is_wrong(search.rest(best.fit))
+        again = refresh(prepared, best.fit, prepared.aside & (not take_in))
         if again is None:
             break
-        before = best
-        prepared, search, best = run(again, search.tried, begun if before is first else ())
-        if right and search.is_wrong(search.rest(best.fit)):
+        before, known = best, search.tried
+        # the best first: a search takes up a few
+        likely = sorted(
+            (r for r in known.values() if r.criterion < best.criterion + RIVAL), key=lambda r: r.criterion
+        )
+        begun = likely if take_in and best.labels else []
+        prepared, search, best = _searched(again, kind, progress, known, begun)
+        if take_in and search.is_wrong(search.rest(best.fit)):
+            against = True
             aside = unpredicted(prepared, [r.fit for r in likely])
-            again = refresh(prepared, first.fit, aside) if aside.any() else None
+            again = refresh(prepared, before.fit, aside) if aside.any() else None
             if again is not None:
-                prepared, search, best = run(again, known, begun)
+                prepared, search, best = _searched(again, kind, progress, known, begun)
             break
         if best.labels == before.labels:
             break
     best = search.begun_anew(kind.completed(search, best))
-    return replace(prepared, null=search.null, held_against=prepared.held_against or not near), search, best
-
-
-def _search(prepared: Prepared, kind: RampTest, progress: Callable[[str], None]) -> Search:
-    fitter = prepared.fitter
-    samples = effective_samples(fitter.whitening.autoregression, fitter.whitening.present)
-    return Search(
-        fitter, prepared.null, prepared.effects, samples, progress, signed=prepared.signed, costs=kind.costs
-    )
+    return replace(prepared, null=search.null, held_against=against), search, best
 
 
 def _proved(

@@ -157,23 +157,26 @@ LONGEST = numerical(1.0)
 def bounded_step(
     A: Array, b: Array, damping: float, fixed: np.ndarray, linear: np.ndarray, z: Array, low: Array, high: Array
 ) -> Array:
-    """A damped step within the bounds and the trusted range of each coordinate.
+    """Where a damped step leads ``(k,)`` within the bounds and the trusted range of each coordinate.
 
     What would go further stops there, and the others do what is best beside it: a bow, say, acts by its square, and
     the slope at a small one says little of a large one. Readings are linear in an instrument's zero and scale, and
-    their slope holds as far as the bounds. ``A`` (k, k) and ``b`` (k,) are the normal equations, ``z`` (k,) is
-    where the coordinates are, ``damping`` the share of the diagonal that is added. Those that are ``fixed`` (k,)
-    stay.
+    their slope holds as far as the bounds. A step to a bound ends at its very value: what a coordinate at a bound
+    costs is another thing than that of one inside. ``A`` (k, k) and ``b`` (k,) are the normal equations, ``z``
+    (k,) is where the coordinates are, ``damping`` the share of the diagonal that is added. Those that are ``fixed``
+    (k,) stay.
     """
     most = np.where(linear, np.inf, LONGEST * (1.0 + np.abs(z)))
-    floor, roof = np.maximum(low - z, -most), np.minimum(high - z, most)
-    step = np.zeros(len(b))
+    first, last = np.maximum(low, z - most), np.minimum(high, z + most)
+    after = z.copy()
     on = ~fixed
     M = A[np.ix_(on, on)] + damping * np.diag(np.diag(A)[on])
     size = np.sqrt(np.maximum(np.diag(M), 1e-300))
-    best, _ = mode(M / size[:, None] / size, b[on] / size, floor[on] * size, roof[on] * size)
-    step[on] = np.clip(best / size, floor[on], roof[on])
-    return step
+    floor, roof = (first - z)[on] * size, (last - z)[on] * size
+    best, _ = mode(M / size[:, None] / size, b[on] / size, floor, roof)
+    moved = np.clip(z[on] + best / size, first[on], last[on])
+    after[on] = np.where(best <= floor, first[on], np.where(best >= roof, last[on], moved))
+    return after
 
 
 def inverse(A: Array, free: np.ndarray, rcond: float = 1e-12) -> Array:

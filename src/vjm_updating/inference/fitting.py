@@ -509,10 +509,9 @@ class Descent:
         linear = np.array([c.kind in ("zero", "scale") for c in unknowns])
         A, b = self.fitter.system(unknowns, evaluation, J)
         for _ in range(HALVINGS):
-            move = bounded_step(A, b, damping, fixed, linear, evaluation.z, low, high)
-            if float(move @ b) < 0.5 * ENOUGH * self.fitter.rounding:
+            z = bounded_step(A, b, damping, fixed, linear, evaluation.z, low, high)
+            if float((z - evaluation.z) @ b) < 0.5 * ENOUGH * self.fitter.rounding:
                 break
-            z = np.clip(evaluation.z + move, low, high)
             trial = self.fitter.evaluate(unknowns, z, self.hypothesis, held=held)
             if trial is not None and self.fitter.squares(unknowns, trial) < best:
                 return trial, max(damping * 0.1, 1e-9)

@@ -510,7 +510,7 @@ def after_a_step(
     fixed[list(held)] = True
     linear = np.array([one.of_instrument for one in unknowns])
     A, b = fitter.system(unknowns, evaluation, fitter.slopes(unknowns, evaluation, hypothesis))
-    after = z + bounded_step(A, b, DAMPING, fixed, linear, z, low, high)
+    after = bounded_step(A, b, DAMPING, fixed, linear, z, low, high)
     moved = fitter.evaluate(unknowns, after, hypothesis)
     # what is no better than where it begins stays
     ends = [

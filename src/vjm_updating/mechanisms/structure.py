@@ -239,8 +239,8 @@ class BaseCompliance(Effect):
     def elements(self, machine: ModifiedMachine, values: Sequence[float]) -> tuple[SeriesElement, ...]:
         """Three springs along the axes, and three about them where the base turns."""
         along, about = _compliances(machine.nominal, values)
-        shifts = (SeriesElement(AlongAxis(AXES[a]), _spring(c)) for a, c in along.items())
-        turns = (SeriesElement(AboutAxis(AXES[a]), _spring(c)) for a, c in about.items())
+        shifts = (SeriesElement(AlongAxis(AXES[a]), _spring(c), smooth=True) for a, c in along.items())
+        turns = (SeriesElement(AboutAxis(AXES[a]), _spring(c), smooth=True) for a, c in about.items())
         return (*shifts, *turns)
 
     def mounts(self, nominal: Machine, values: Sequence[float]) -> list[Joint]:

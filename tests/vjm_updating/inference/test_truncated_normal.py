@@ -15,10 +15,28 @@ from vjm_updating.calibration.fit import problem_of, solve
 from vjm_updating.diagnosis.evidence import estimates
 from vjm_updating.diagnosis.preprocess import prepare
 from vjm_updating.experiment.measurement import read_measurement
-from vjm_updating.inference.bounded_normal import log_beyond, log_share, mode, truncated_draws
+from vjm_updating.inference.bounded_normal import bounded_step, log_beyond, log_share, mode, truncated_draws
 from vjm_updating.inference.fitting import LeastSquaresProblem, best_fit, whitening_of
 from vjm_updating.inference.forward import Forward, observe_ramps
 from vjm_updating.inference.parameters import coordinates, nuisance_coordinates
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_a_step_to_a_bound_ends_at_its_very_value(seed):
+    """What a coordinate at its bound costs is another thing than that of one a rounding off."""
+    rng = np.random.default_rng(seed)
+    z, low, high = rng.normal(size=6), np.full(6, -1.7), np.full(6, 1.9)
+    z = np.clip(z, low, high)
+    A = np.diag(rng.uniform(0.1, 1e3, size=6))
+    far = np.where(np.arange(6) % 2, high + 1.0, low - 1.0)
+    none = np.zeros(6, dtype=bool)
+    after = bounded_step(A, A @ (far - z), 0.0, none, ~none, z, low, high)
+    assert after.tolist() == np.where(np.arange(6) % 2, high, low).tolist()
+    # one that no bound holds back goes where the equations lead, one that is fixed stays
+    inside = rng.uniform(-1.6, 1.8, size=6)
+    after = bounded_step(A, A @ (inside - z), 0.0, np.arange(6) == 0, ~none, z, low, high)
+    np.testing.assert_allclose(after[1:], inside[1:], rtol=0.0, atol=1e-13)
+    assert after[0] == z[0]
 
 
 @pytest.mark.parametrize("seed", range(20))

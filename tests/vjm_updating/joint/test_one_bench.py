@@ -104,7 +104,8 @@ def test_three_formats_of_one_bench_get_one_answer(tmp_path, kind, seed):
                     assert row.parameters[name].value == pytest.approx(value.value, abs=END * value.std), name
     assert first.verdict in (("none",) if kind == "nothing" else ("named", "class"))
     if kind != "nothing":
-        assert sorted(first.candidates[0].causes) == sorted(FOUND[kind])
+        # a class of 95 %: in some draws of the noise another law fits as well, and may be the likelier one
+        assert sorted(FOUND[kind]) in [sorted(row.causes) for row in first.candidates]
 
 
 def with_law(law):
