@@ -84,7 +84,7 @@ def names_the_soft_foot(found: dict) -> None:
     assert "link_compliance" in found["causes"]
     left = [row for row in found["candidates"] if set(row["causes"]) <= set(found["causes"])]
     places = {place for row in left if row["probability"] > 0.05 for place in row["places"]}
-    # nothing of the two other legs; laws of this one that the few loads hardly tell apart
+    # nothing of the two other legs; laws of this one are hardly distinguishable by so few loads
     assert all(place.endswith(("(y)", "(y/foot)")) for place in places)
     (foot,) = (row["parameters"] for row in left if row["places"] == ["link_compliance(y/foot)"])
     factor = foot["link_compliance.factor"]
