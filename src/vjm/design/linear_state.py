@@ -610,7 +610,6 @@ def equilibrium_of(
     Raises:
         NoConvergenceError: there is no equilibrium, only a stable one behind a loss of stability, or one that
             nothing holds, as laws of springs have no slope there.
-        ValueError: with its end free the machine is a mechanism.
     """
     chain = model.chain
     q = model.posture(asked.posture)
@@ -637,11 +636,12 @@ def equilibrium_of(
             f"{chain.name}, posture {asked.posture}: nothing determines where it stands: {free}. Give a load that "
             "brings contact, a preload, or a stiffness there"
         )
-    mechanism = False
+    loose = ""
     try:
         x = _followed(asked, model)
     except ValueError:
-        x, mechanism = None, True
+        x = None
+        loose = " that its springs hold: with its end free it is a mechanism. Hold it in a pose instead"
     except NoConvergenceError:
         if equilibrium.converged[0] and not equilibrium.stable[0]:
             # the path loses its stability before: this state, which is unstable, contradicts nothing
@@ -650,13 +650,7 @@ def equilibrium_of(
     equilibrium = equilibrium if x is None else found(x)
     if not equilibrium.converged[0]:
         loaded = "under these loads" if asked.acting or asked.gravity is not None else "without loads"
-        where = f"{chain.name}, posture {asked.posture}: no equilibrium {loaded}"
-        if mechanism:
-            # a solver that gave up would be another thing
-            raise ValueError(
-                f"{where} that its springs hold: with its end free it is a mechanism. Hold it in a pose instead"
-            )
-        raise NoConvergenceError(where)
+        raise NoConvergenceError(f"{chain.name}, posture {asked.posture}: no equilibrium {loaded}{loose}")
     return equilibrium
 
 
