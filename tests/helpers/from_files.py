@@ -51,6 +51,8 @@ def contradictions(said: Diagnosis | PoseDiagnosis) -> list[str]:
             result = [f"{said.verdict} without {cause}, which acts" for cause in sorted(acts - set(said.causes))]
             if (said.findings.nothing or 0.0) > 1.0 - SURE:
                 result.append(f"{said.verdict}, but nothing may act")
+            if isinstance(said, Diagnosis) and "nothing explains the others" in said.residual:
+                result.append(f"{said.verdict}, but nothing explains the readings that are not left out")
             if said.verdict == "named" and unknown < 1.0 - SURE:
                 result += [f"named, but {cause} only may act" for cause in sorted(set(said.causes) - sure)]
             return result

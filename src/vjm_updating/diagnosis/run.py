@@ -346,15 +346,17 @@ def _refined(
 ) -> tuple[Prepared, Search, ScoredModel]:
     """The search about the noise that its own best shows, and the best.
 
-    The ``first`` went without the readings near a critical point. Where a search without them leaves noise alone,
-    the next one goes on with them from what is then likely, unless it is not to go ``near``. Where that leaves
-    more, those that no likely hypothesis predicts stay aside.
+    The ``first`` went without the readings near a critical point. As soon as a search without them leaves noise
+    alone, the next one goes on with them from what is then likely, unless it is not to go ``near``. Where that
+    leaves more, those that no likely hypothesis predicts stay aside.
     """
     prepared, search, best = first
-    against = not near
-    for _ in range(AGAIN):
-        # seen from a model that was off, noise and outliers were guesses
+    against, settled, more = not near, False, AGAIN
+    while True:
         take_in = near and bool(prepared.aside.any()) and not search.is_wrong(search.rest(best.fit))
+        if not take_in and (settled or more <= 0):
+            break
+        # seen from a model that was off, noise and outliers were guesses
         again = refresh(prepared, best.fit, prepared.aside & (not take_in))
         if again is None:
             break
@@ -372,8 +374,7 @@ def _refined(
             if again is not None:
                 prepared, search, best = _searched(again, kind, progress, known, begun)
             break
-        if best.labels == before.labels:
-            break
+        settled, more = best.labels == before.labels, more - 1
     best = search.begun_anew(kind.completed(search, best))
     return replace(prepared, null=search.null, held_against=against), search, best
 
