@@ -239,6 +239,7 @@ class BaseCompliance(Effect):
     def elements(self, machine: ModifiedMachine, values: Sequence[float]) -> tuple[SeriesElement, ...]:
         """Three springs along the axes, and three about them where the base turns."""
         along, about = _compliances(machine.nominal, values)
+        # a bracket of one spring would be void as soon as the others move
         shifts = (SeriesElement(AlongAxis(AXES[a]), _spring(c), smooth=True) for a, c in along.items())
         turns = (SeriesElement(AboutAxis(AXES[a]), _spring(c), smooth=True) for a, c in about.items())
         return (*shifts, *turns)

@@ -21,23 +21,18 @@ def gradient(statics, x):
     return statics.energy(x + 1j * TINY * np.eye(len(x))).imag / TINY
 
 
-def differences(statics, x):
-    """Second derivatives ``(n, n)`` by differences of exact gradients; not symmetric by their rounding."""
-    steps = STEP * np.eye(len(x))
-    return np.array([(gradient(statics, x + d) - gradient(statics, x - d)) / (2.0 * STEP) for d in steps])
-
-
 def curvature(statics, x):
-    """Second derivatives ``(n, n)``."""
-    H = differences(statics, x)
-    return 0.5 * (H + H.T)
+    """Second derivatives ``(n, n)`` by differences of exact gradients, and their asymmetry, which is rounding."""
+    steps = STEP * np.eye(len(x))
+    H = np.array([(gradient(statics, x + d) - gradient(statics, x - d)) / (2.0 * STEP) for d in steps])
+    return 0.5 * (H + H.T), H - H.T
 
 
 def least_energy(statics, unit):
     """Coordinates ``(n,)`` of least energy, downhill from the unloaded posture, as far as it comes."""
     x = np.zeros(statics.n)
     for _ in range(100):
-        slope, H = gradient(statics, x) * unit, curvature(statics, x) * unit * unit[:, None]
+        slope, H = gradient(statics, x) * unit, curvature(statics, x)[0] * unit * unit[:, None]
         values, vectors = np.linalg.eigh(H)
         # Newton's step, but downhill along every eigenvector
         step = -vectors @ ((vectors.T @ slope) / np.maximum(np.abs(values), 1e-9 * np.abs(values).max()))
@@ -69,9 +64,9 @@ def close_to_the_energy(seed: int) -> str:
     least = least_energy(statics, unit)
     assert found.converged[0] or found.undetermined[0]
     residual = gradient(statics, x)
-    raw = differences(statics, x)
-    # what asymmetry there is shows the rounding of all
-    H, rounding = 0.5 * (raw + raw.T), np.abs((raw - raw.T) * unit * unit[:, None]).max() / (unit * unit[:, None])
+    H, asymmetry = curvature(statics, x)
+    # the largest asymmetry shows the rounding of all
+    rounding = np.abs(asymmetry * unit * unit[:, None]).max() / (unit * unit[:, None])
     eigenvalues = np.linalg.eigvalsh(H * unit * unit[:, None])
     smallest = np.abs(eigenvalues).min() / np.abs(eigenvalues).max()
     if found.undetermined[0]:
@@ -93,8 +88,7 @@ def close_to_the_energy(seed: int) -> str:
         rates = statics.position(x + 1j * TINY * np.eye(len(x)), end).imag / TINY
         moved = np.linalg.solve(H, rates)
         C = rates.T @ moved
-        # to first order by the rounding of the differences, as their asymmetry shows it; an end may stand on the
-        # ground
+        # to first order by the rounding of the differences; an end may stand on the ground
         bound = (np.abs(moved).T @ rounding @ np.abs(moved)).max() + 1e-8 * np.abs(C).max() + 1e-20
         off = np.abs(found.compliance[0, k, :3, :3] - C).max()
         assert off <= bound

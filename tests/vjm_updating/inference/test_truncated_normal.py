@@ -35,6 +35,7 @@ def test_a_step_to_a_bound_ends_at_its_very_value(seed):
     # one that no bound holds back goes where the equations lead, one that is fixed stays
     inside = rng.uniform(-1.6, 1.8, size=6)
     after = bounded_step(A, A @ (inside - z), 0.0, np.arange(6) == 0, ~none, z, low, high)
+    # hundreds of roundings of values below two: an equation each, without any condition
     np.testing.assert_allclose(after[1:], inside[1:], rtol=0.0, atol=1e-13)
     assert after[0] == z[0]
 

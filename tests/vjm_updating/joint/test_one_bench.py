@@ -56,6 +56,8 @@ FOUND = {
     "backlash": ("actuator_backlash", "actuator_compliance"),
     "hardening": ("actuator_hardening",),
 }
+BY_NOISE = ("soft", 23)
+"""The one draw of 150 in which noise makes another cause of the class the likelier: it fits 5.4 squares better."""
 
 
 def written(folder: Path, kind: str, seed: int) -> dict[str, tuple[Path, Path]]:
@@ -104,8 +106,9 @@ def test_three_formats_of_one_bench_get_one_answer(tmp_path, kind, seed):
                     assert row.parameters[name].value == pytest.approx(value.value, abs=END * value.std), name
     assert first.verdict in (("none",) if kind == "nothing" else ("named", "class"))
     if kind != "nothing":
-        # a class of 95 %: in some draws of the noise another law fits as well, and may be the likelier one
-        assert sorted(FOUND[kind]) in [sorted(row.causes) for row in first.candidates]
+        causes = [sorted(row.causes) for row in first.candidates]
+        assert sorted(FOUND[kind]) in causes
+        assert causes[0] == sorted(FOUND[kind]) or (kind, seed) == BY_NOISE
 
 
 def with_law(law):
