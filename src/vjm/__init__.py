@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from vjm.design.space import LoadCases
     from vjm.design.sweep import Sweep, sweep
     from vjm.engines import EngineOptions, VjmEngine, engine_by_name
-    from vjm.errors import NoConvergenceError
+    from vjm.errors import MechanismError, NoConvergenceError
     from vjm.io.catalogues import catalogue, catalogues
     from vjm.io.errors import ModelFileError
     from vjm.io.machine_file import load_model as load
@@ -66,7 +66,7 @@ _MODULES = {
     "vjm.design.space": "LoadCases",
     "vjm.design.sweep": "Sweep sweep",
     "vjm.engines": "engine_by_name EngineOptions VjmEngine",
-    "vjm.errors": "NoConvergenceError",
+    "vjm.errors": "MechanismError NoConvergenceError",
     "vjm.io.catalogues": "catalogue catalogues",
     "vjm.io.errors": "ModelFileError",
     "vjm.io.machine_file": "load",
@@ -105,6 +105,7 @@ __all__ = [
     "LoadCases",
     "LoadedStiffness",
     "Machine",
+    "MechanismError",
     "ModelCheck",
     "ModelFileError",
     "Modes",

@@ -13,7 +13,7 @@ import numpy as np
 
 from vjm.analysis import held_by_itself
 from vjm.engines import VjmEngine
-from vjm.errors import NoConvergenceError
+from vjm.errors import MechanismError, NoConvergenceError
 from vjm.machine.equilibria import equilibria, unloaded_frames
 from vjm.machine.inverse_kinematics import (
     ClosedPostures,
@@ -387,6 +387,7 @@ def compensate(
 
     Raises:
         ValueError: arrays of another shape, a pose is out of reach, or the machine cannot be compensated.
+        MechanismError: passive joints let its end move without straining a spring.
         NoConvergenceError: there is no stable equilibrium somewhere.
 
     Example:
@@ -397,7 +398,7 @@ def compensate(
     """
     check_machine(machine)
     if not held_by_itself(machine):
-        raise ValueError(
+        raise MechanismError(
             f"{machine.name}: its passive joints leave the end a mechanism: give the whole machine instead"
         )
     p = _rows("positions", positions, 3)

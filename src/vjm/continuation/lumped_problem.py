@@ -103,8 +103,8 @@ class LumpedProblem:
             bow: deflection ``(n,)`` of the coordinates, the support's included, with which the chain is built.
 
         Raises:
-            ValueError: the chain has no such part or posture, what is free makes it a mechanism, or the ramped load
-                moves nothing.
+            ValueError: the chain has no such part or posture, or the ramped load moves nothing.
+            MechanismError: what is free makes it a mechanism.
         """
         if _moves_nothing(load_case):
             raise ValueError(

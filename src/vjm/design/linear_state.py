@@ -16,7 +16,7 @@ from scipy.linalg import lu_factor, lu_solve
 from vjm.continuation.one_path import END, foresee
 from vjm.continuation.path import EventKind
 from vjm.engines import VjmEngine
-from vjm.errors import NoConvergenceError
+from vjm.errors import MechanismError, NoConvergenceError
 from vjm.machine.equilibria import Equilibria, equilibria
 from vjm.model.end_condition import held
 from vjm.model.law_states import free_words, law_states
@@ -610,6 +610,7 @@ def equilibrium_of(
     Raises:
         NoConvergenceError: there is no equilibrium, only a stable one behind a loss of stability, or one that
             nothing holds, as laws of springs have no slope there.
+        MechanismError: there is none, as the end moves without straining a spring.
     """
     chain = model.chain
     q = model.posture(asked.posture)
@@ -636,12 +637,11 @@ def equilibrium_of(
             f"{chain.name}, posture {asked.posture}: nothing determines where it stands: {free}. Give a load that "
             "brings contact, a preload, or a stiffness there"
         )
-    loose = ""
+    x, mechanism = None, None
     try:
         x = _followed(asked, model)
-    except ValueError:
-        x = None
-        loose = " that its springs hold: with its end free it is a mechanism. Hold it in a pose instead"
+    except MechanismError as error:
+        mechanism = error
     except NoConvergenceError:
         if equilibrium.converged[0] and not equilibrium.stable[0]:
             # the path loses its stability before: this state, which is unstable, contradicts nothing
@@ -650,7 +650,11 @@ def equilibrium_of(
     equilibrium = equilibrium if x is None else found(x)
     if not equilibrium.converged[0]:
         loaded = "under these loads" if asked.acting or asked.gravity is not None else "without loads"
-        raise NoConvergenceError(f"{chain.name}, posture {asked.posture}: no equilibrium {loaded}{loose}")
+        said = f"{chain.name}, posture {asked.posture}: no equilibrium {loaded}"
+        if mechanism is None:
+            raise NoConvergenceError(said)
+        held_instead = "with its end free it is a mechanism. Hold it in a pose instead"
+        raise MechanismError(f"{said} that its springs hold: {held_instead}") from mechanism
     return equilibrium
 
 
@@ -726,7 +730,7 @@ def _followed(asked: Question, model: Mechanism) -> Array | None:
     Without other loads it is the weight that grows.
 
     Raises:
-        ValueError: the loads move nothing, or it is a mechanism: there is no path.
+        MechanismError: no springs hold what the loads move: there is no path.
         NoConvergenceError: the path turns back, or loses its stability, before they act in full.
     """
     where = f"{asked.machine.name}, posture {asked.posture}"

@@ -13,6 +13,7 @@ from functools import lru_cache
 
 import numpy as np
 
+from vjm.errors import MechanismError
 from vjm.model.load_case import COMPONENTS, LoadCase
 from vjm.model.machine import Machine
 from vjm.model.mechanism import Kinematics, Mechanism
@@ -86,15 +87,16 @@ def held(model: Mechanism, load_case: LoadCase) -> EndCondition:
     Hinges that the chain's own last joints make superfluous (a tool that turns about its own joint) are left out.
 
     Raises:
-        ValueError: the posture is singular, or what is free makes the chain a mechanism, which moves without
-            straining a spring.
+        MechanismError: the chain moves without straining a spring: the posture is singular, or what is free makes
+            it a mechanism.
+        RigidDirectionError: it is held in a direction in which it does not deflect.
     """
     chain = model.chain
     q = chain.posture(load_case.posture)
     tool, rank, movable = _drawn(model, load_case.posture)
     tool = chain.nominal_ends.get(load_case.posture, tool)
     if rank < len(model.passive) and not chain.closures:
-        raise ValueError(
+        raise MechanismError(
             f"{chain.name}, posture {load_case.posture} is singular: some of its passive joints move without "
             f"moving the tool; choose another posture"
         )
@@ -108,7 +110,7 @@ def held(model: Mechanism, load_case: LoadCase) -> EndCondition:
             return _checked(EndCondition(freed, tool, joints), deflects(freed, freed.kinematics(x)), load_case)
         hinge = next((name for name in free if len(name) == 2 and abs(loose[free.index(name)]) > NEGLIGIBLE), None)
         if hinge is None:
-            raise ValueError(
+            raise MechanismError(
                 f"{chain.name}, posture {load_case.posture}: with {', '.join(load_case.free)} free the chain is a "
                 f"mechanism: it moves without straining a spring; hold one of them"
             )

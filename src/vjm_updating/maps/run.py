@@ -20,6 +20,7 @@ from vjm import __version__
 from vjm.analysis import held_by_itself
 from vjm.batch import Progress, map_all
 from vjm.engines import Engine, EngineOptions, VjmEngine, engine_by_name
+from vjm.errors import MechanismError
 from vjm.io.files import check_writable, write_whole
 from vjm.io.findings import Finding
 from vjm.io.provenance import Provenance
@@ -452,10 +453,10 @@ def check_mapped(machine: Machine) -> None:
     """Refuse a machine that has no map.
 
     Raises:
-        ValueError: its end is a mechanism.
+        MechanismError: its end is a mechanism.
     """
     if not held_by_itself(machine):
-        raise ValueError(
+        raise MechanismError(
             f"{machine.name}: its passive joints leave the end a mechanism, which has no map: "
             "give the whole machine"
         )

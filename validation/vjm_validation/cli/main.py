@@ -314,14 +314,14 @@ def run(arguments: Sequence[str]) -> int:
         # its own error stands before that of a command's module which it could not import
         terminal.error(missing_extra(error) or " ".join(str(error).split()))
         return BAD_INPUT
-    except NoConvergenceError as error:
-        terminal.error(str(error))
-        return GAVE_UP
     except BrokenPipeError:
         return OK
     except (ValueError, OSError, ImportError) as error:
         terminal.error(missing_extra(error) or terminal.one_line(error))
         return BAD_INPUT
+    except NoConvergenceError as error:
+        terminal.error(str(error))
+        return GAVE_UP
     except MemoryError as error:
         terminal.error(str(error) or "not enough working memory")
         return BAD_INPUT
