@@ -20,8 +20,10 @@ from vjm.kernels.machine_solver import March
 from vjm.rotations import Array
 from vjm.statics import MAX_ITERATIONS, TOLERANCE
 
-HALVINGS = 10
-"""Of a step of the grid that is too long for Newton's method."""
+HALVINGS, FIRST = 10, 2
+"""Of a step of the grid that is too long for Newton's method; and of one behind which a path seems unstable.
+
+That one has most often ended on another branch. To look for a bifurcation there takes as long as a path."""
 
 
 @dataclass(frozen=True)
@@ -91,15 +93,17 @@ def trace_grid(problem: LumpedProblem, grid: Array, known: Sequence[BranchChange
         last, own = s[march.good - 1], True
         turn = next((t for t in known if last < t.s < s[march.good]), None)
         why = f"no equilibrium found beyond {last:.6g}: {march.why}"
-        if turn is None and march.why == "unstable":
-            try:
-                turn = _next_branch(problem, s, march)
-            except NoConvergenceError as failure:
-                why = f"no stable branch leads on beyond {last:.6g}: {failure}"
         if turn is None:
             # Newton's method does not follow so long a step, or ends on another branch
-            long = s[march.good] - last > shortest
-            half = _halfway(problem, last, s[march.good], march, origin) if long else None
+            most, half = HALVINGS if s[march.good] - last > shortest else 0, None
+            if march.why == "unstable":
+                half = _halfway(problem, s, march, origin, min(FIRST, most), whole=True)
+                try:
+                    turn = _next_branch(problem, s, march) if half is None else None
+                except NoConvergenceError as failure:
+                    why = f"no stable branch leads on beyond {last:.6g}: {failure}"
+        if turn is None:
+            half = half or _halfway(problem, s, march, origin, most)
             if half is None:
                 stopped = why
                 break
@@ -115,17 +119,22 @@ def trace_grid(problem: LumpedProblem, grid: Array, known: Sequence[BranchChange
 
 
 def _halfway(
-    problem: LumpedProblem, last: float, ahead: float, march: March, origin: float
+    problem: LumpedProblem, grid: Array, march: March, origin: float, most: int, *, whole: bool = False
 ) -> tuple[float, Array, Array] | None:
-    """Place, coordinates and wrench just before a point to which a step was too long; None where none is known."""
-    x, wrench = march.x[march.good - 1], march.wrench[march.good - 1]
-    for halvings in range(1, HALVINGS + 1):
-        s = np.linspace(last, ahead, 2**halvings + 1)
+    """Place, coordinates and wrench just before a point to which a step was too long; None where none is known.
+
+    The step is halved so often at ``most``; with ``whole`` shorter ones must come to its end.
+    """
+    i = march.good - 1
+    for halvings in range(1, most + 1):
+        s = np.linspace(grid[i], grid[i + 1], 2**halvings + 1)
         refined = problem.model.compiled.march(
-            problem.target(0.0), problem.load_case.direction, s, x, wrench, TOLERANCE, MAX_ITERATIONS, origin
-        )
+            problem.target(0.0), problem.load_case.direction, s, march.x[i], march.wrench[i], TOLERANCE,
+            MAX_ITERATIONS, origin,
+        )  # fmt: skip
         # what becomes unstable on the way is met again from there
-        k = len(s) - 2 if not refined.why else refined.good - 1 if refined.why == "unstable" else 0
+        short = 0 if whole or refined.why != "unstable" else refined.good - 1
+        k = len(s) - 2 if not refined.why else short
         if k:
             return float(s[k]), refined.x[k], refined.wrench[k]
     return None

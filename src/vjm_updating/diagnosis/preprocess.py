@@ -159,7 +159,9 @@ def refresh(prepared: Prepared, best: Fit, aside: np.ndarray) -> Prepared | None
     alike = abs(own - squares) < SAME_NOISE * squares
     if same and close and alike and prepared.null.objective - best.objective < STRONG:
         return None
-    null = _fitted(fitter, prepared.null.evaluation.z, *_beside_kinks(fitter))
+    # where no reading near a critical point is new, the least value is the same one
+    kinks = _beside_kinks(fitter) if (prepared.aside & ~aside).any() else []
+    null = _fitted(fitter, prepared.null.evaluation.z, *kinks)
     return replace(prepared, fitter=fitter, null=null, all=whole, aside=aside)
 
 

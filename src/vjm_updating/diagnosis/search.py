@@ -145,10 +145,16 @@ class Search:
         return min(rest.p, rest.prior_p) < self.alarm
 
     def begun_anew(self, best: ScoredModel) -> ScoredModel:
-        """The best hypothesis, its fit begun elsewhere where it leaves more than noise, before that is unknown."""
-        if not best.labels or not self.is_wrong(self.rest(best.fit)):
-            return best
-        return self.kept(begun_anew(self.fitter, best.fit))
+        """The best hypothesis, once all that may be the best have been begun elsewhere in the shapes of their laws.
+
+        A law has several optima: one that was begun at a stop as hard as usual does not come to a soft one. So
+        nothing is unknown, and no cause is less probable than another, by where its fit began.
+        """
+        if best.labels:
+            for near in [r for r in self.tried.values() if r.labels and r.criterion < best.criterion + RIVAL]:
+                self.kept(begun_anew(self.fitter, near.fit))
+            best = min((r for r in self.tried.values() if r.labels), key=lambda r: r.criterion)
+        return best
 
     def settled(self, ranked: ScoredModel) -> ScoredModel:
         """The same, its fit carried on where it had not come to an end, as long as that makes it better."""
@@ -158,7 +164,7 @@ class Search:
             before = ranked.fit.objective
             self._polish(ranked)
             ranked = self.tried[ranked.labels]
-            if ranked.fit.objective > before - self.fitter.rounding:
+            if ranked.fit.objective > before - self._resolution(ranked.fit):
                 break
         return ranked
 
@@ -339,7 +345,7 @@ class Search:
         begin = np.where(held, np.clip(base.evaluation.z[:m], -START_WITHIN, START_WITHIN), base.evaluation.z[:m])
         starts, begins = move.starts, [begin]
         earlier = self.known.get(move.labels)
-        if earlier is not None and earlier.fit.hypothesis == hypothesis and earlier.fit.converged:
+        if earlier is not None and earlier.fit.hypothesis == hypothesis:
             starts, begins = [earlier.fit.values], [earlier.fit.evaluation.z[:m]]
         elif not base.hypothesis:
             begins += alternative_starts(hypothesis[-1], self.fitter.nuisances, begin)
@@ -365,16 +371,20 @@ class Search:
         usual shapes at no cost would not make it worth reaching, it stays.
         """
         for _ in range(CARRIED_ON):
-            cost = shapes_cost(fit.parameters, fit.evaluation.z)
-            if cost < self.fitter.rounding or self.fitter.squares(fit.parameters, fit.evaluation) - cost > target:
+            cost, resolution = shapes_cost(fit.parameters, fit.evaluation.z), self._resolution(fit)
+            if cost < resolution or self.fitter.squares(fit.parameters, fit.evaluation) - cost > target:
                 break
             usual = [usual_shapes(e, v) for e, v in zip(fit.hypothesis, fit.values, strict=True)]
             begin = fit.evaluation.z[: len(self.fitter.nuisances)]
             other = best_fit(self.fitter, fit.hypothesis, begin, usual, borrowed=borrowed, target=target)
-            if other is None or other.objective > fit.objective - self.fitter.rounding:
+            if other is None or other.objective > fit.objective - resolution:
                 break
             fit = other
         return fit
+
+    def _resolution(self, fit: Fit) -> float:
+        """By how much less the objective of a better fit must be."""
+        return self.fitter.resolution(self.fitter.squares(fit.parameters, fit.evaluation))
 
     def _worth_reaching(self, base: Fit) -> float:
         """Squares of a fit from which its laws' discrepancy may still make it as good as the best."""

@@ -7,7 +7,7 @@ of Gauss and Newton within bounds, and the inverse.
 from __future__ import annotations
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve
+from scipy.linalg.lapack import dposv
 from scipy.special import erfcx, log_ndtr, ndtri_exp
 
 from vjm.rotations import Array
@@ -63,10 +63,11 @@ def mode(A: Array, b: Array, low: Array, high: Array) -> tuple[Array, np.ndarray
 
 def _solution(A: Array, b: Array) -> Array:
     """Of ``A x = b``; the shortest where the matrix is singular to rounding."""
-    try:
-        return np.asarray(cho_solve(cho_factor(A, lower=True), b), dtype=float)
-    except np.linalg.LinAlgError:
-        return np.asarray(np.linalg.lstsq(A, b, rcond=1e-12)[0], dtype=float)
+    if not len(b):
+        return b
+    # by Cholesky's method; LAPACK itself, as what SciPy checks of a small matrix takes longer than to solve it
+    _, x, singular = dposv(A, b, lower=True)
+    return np.asarray(np.linalg.lstsq(A, b, rcond=1e-12)[0] if singular else x, dtype=float)
 
 
 def log_beyond(slope: Array) -> Array:

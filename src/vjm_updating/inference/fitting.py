@@ -126,7 +126,20 @@ class Whitening:
 
     def _each(self, raw: Array) -> Array:
         """Raw residuals ``(n, 6, …)`` as white ones ``(N, …)``."""
-        return self.independent(raw)[self.present]
+        on, own = self._read
+        return own.independent(raw[:, on])[own.present]
+
+    @cached_property
+    def _read(self) -> tuple[slice | np.ndarray, Whitening]:
+        """Which channels were read at all, and the same noise of these alone: most tests read one of six."""
+        on = np.flatnonzero(self.present.any(axis=0))
+        if len(on) == self.present.shape[1]:
+            return slice(None), self
+        spread = self.spread[on] if len(self.spread) > 1 else self.spread
+        alone = Whitening(
+            self.factors[:, on][:, :, on], self.autoregression.of(on), self.present[:, on], spread=spread
+        )
+        return on, alone
 
 
 def whitening_of(observed: Observed, evaluation: Evaluation) -> Whitening:
@@ -271,6 +284,14 @@ class LeastSquaresProblem:
                 evaluation, z=z, residual=evaluation.residual + np.where(self.whitening.present, change, 0.0)
             )
         return evaluation if np.isfinite(evaluation.residual).all() else None
+
+    def resolution(self, squares: float) -> float:
+        """Squares by which two fits near ones of so many must differ to be more than alike.
+
+        These are the predictions' rounding. Where a fit leaves more than the noise, what it leaves is the scatter
+        (Birge 1932): its squares count in units of their mean.
+        """
+        return self.rounding * max(1.0, squares / max(int(self.whitening.present.sum()), 1))
 
     def squares(self, unknowns: Sequence[FitParameter], evaluation: Evaluation) -> float:
         """Squares of whitened residuals and of what lies off the priors."""
@@ -428,7 +449,7 @@ def prior(unknowns: Sequence[FitParameter], z: Array) -> tuple[Array, Array]:
 ROUNDS, MOST_STEPS, HALVINGS = numerical(25), numerical(20), numerical(6)
 """Rounds at most, steps of Gauss-Newton in each, and dampings that are tried for a step."""
 ENOUGH = numerical(0.1)
-"""Fall of the squares, to be expected, at which a fit ends; in units of the predictions' rounding."""
+"""Fall of the squares, to be expected, at which a fit ends; in units of what fits are resolved to."""
 LEARNT = numerical(10.0)
 """Fall of the squares from which a step tells more of the slopes than its rounding hides; likewise."""
 RENEWED = numerical(3)
@@ -476,11 +497,11 @@ class Descent:
             if trial is not None:
                 value = fitter.squares(self.parameters, trial)
                 fall = best - value
-                if fall > LEARNT * fitter.rounding:
+                if fall > LEARNT * fitter.resolution(value):
                     self.learn(J, evaluation, trial, effects)
                     exact = False
                 evaluation, best = trial, value
-            ended = fall < ENOUGH * fitter.rounding
+            ended = fall < ENOUGH * fitter.resolution(best)
             if ended and exact:
                 break
             exact = ended or count % RENEWED == 0
@@ -508,9 +529,10 @@ class Descent:
         fixed = np.array([c.sigma == 0.0 for c in unknowns])
         linear = np.array([c.kind in ("zero", "scale") for c in unknowns])
         A, b = self.fitter.system(unknowns, evaluation, J)
+        least = 0.5 * ENOUGH * self.fitter.resolution(best)
         for _ in range(HALVINGS):
             z = bounded_step(A, b, damping, fixed, linear, evaluation.z, low, high)
-            if float((z - evaluation.z) @ b) < 0.5 * ENOUGH * self.fitter.rounding:
+            if float((z - evaluation.z) @ b) < least:
                 break
             trial = self.fitter.evaluate(unknowns, z, self.hypothesis, held=held)
             if trial is not None and self.fitter.squares(unknowns, trial) < best:
@@ -553,7 +575,6 @@ def best_fit(
         return None
     J = fitter.slopes(unknowns, evaluation, hypothesis, borrowed)
     now = Descent(fitter, hypothesis, unknowns, evaluation, J, fitter.squares(unknowns, evaluation), own)
-    rounding, enough = fitter.rounding, ENOUGH * fitter.rounding
     # whether all slopes are of this very place
     current, radius, converged = borrowed is None, 1.0, False
     fall = promised = 0.0
@@ -564,7 +585,8 @@ def best_fit(
             )
             if out_of_reach or count > LOST:
                 break
-        by_current = current
+        rounding = fitter.resolution(now.worth)
+        by_current, enough = current, ENOUGH * rounding
         trial, J, expected = now.round(radius)
         moved = bool((trial.z[own] != now.evaluation.z[own]).any())
         expected = now.worth - expected

@@ -176,6 +176,11 @@ class AutoregressiveNoise:
         """Correlation ``(6,)`` of neighbouring readings' errors."""
         return (1.0 - self.white) * self.rho
 
+    def of(self, channels: np.ndarray) -> AutoregressiveNoise:
+        """The noise of some ``channels``, indices ``(c,)``, alone."""
+        before, gap = self.before[:, channels], self.gap[:, channels]
+        return AutoregressiveNoise(self.rho[channels], self.white[channels], before, gap)
+
     def remove(self, whitened: Array) -> Array:
         """What is new in ``(n, 6, …)``, of unit variance and white."""
         flat = np.ascontiguousarray(whitened.reshape(*self.before.shape, -1), dtype=float)

@@ -15,7 +15,7 @@ from scipy.special import betaincinv, logsumexp, ndtri
 from vjm.rotations import Array
 from vjm_updating.constants import numerical, prior_scale, tuned
 from vjm_updating.inference.bounded_normal import bounded_step
-from vjm_updating.inference.fitting import Fit, LeastSquaresProblem, Whitening, best_fit
+from vjm_updating.inference.fitting import Fit, HeldTables, LeastSquaresProblem, Whitening, best_fit
 from vjm_updating.inference.forward import values_of
 from vjm_updating.inference.model_error import driven_place, smooth_shapes
 from vjm_updating.inference.noise import AutoregressiveNoise
@@ -462,30 +462,36 @@ DAMPING = numerical(1e-3)
 
 def begun_anew(fitter: LeastSquaresProblem, fit: Fit) -> Fit:
     """A fit, or a better one of the same causes that begins elsewhere."""
-    best = fit
+    best, m = fit, len(fitter.nuisances)
     for i, c in enumerate(fit.parameters):
         if c.kind != "effect" or not np.isfinite(c.sigma):
             continue
         z = _elsewhere(fitter, best, i)
         if z is None:
             continue
-        values = values_of(best.parameters, z, best.hypothesis)
-        other = best_fit(fitter, best.hypothesis, z[: len(fitter.nuisances)], values)
-        if other is not None and other.objective < best.objective - fitter.rounding:
-            best = other
+        values, squares = (
+            values_of(best.parameters, z, best.hypothesis),
+            fitter.squares(best.parameters, best.evaluation),
+        )
+        borrowed = fitter.machine_slopes(best)
+        other = best_fit(fitter, best.hypothesis, z[:m], values, borrowed=borrowed, target=squares)
+        if other is not None and other.objective < best.objective - fitter.resolution(squares):
+            best = best_fit(fitter, best.hypothesis, other.evaluation.z[:m], other.values) or other
     return best
 
 
 def _elsewhere(fitter: LeastSquaresProblem, fit: Fit, index: int) -> Array | None:
     """Coordinates ``(n_z,)`` with a shape at its best place that is not next to its own; None where none stands."""
     c, current = fit.parameters[index], float(fit.evaluation.z[index])
+    machine = fitter.of_machine
+    held = HeldTables(machine, fit.evaluation.z[machine], fitter.machine_slopes(fit))
     ends = max(c.low, c.mean - SPREADS * c.sigma), min(c.high, c.mean + SPREADS * c.sigma)
     places, apart = np.linspace(*ends, PLACES, retstep=True)
     least, best = np.inf, None
     for place in places[np.abs(places - current) > apart]:
         z = fit.evaluation.z.copy()
         z[index] = place
-        squares, followed = after_a_step(fitter, fit.hypothesis, fit.parameters, z, [index])
+        squares, followed = after_a_step(fitter, fit.hypothesis, fit.parameters, z, [index], held)
         if squares < least:
             least, best = squares, followed
     return best
@@ -496,22 +502,29 @@ def after_a_step(
     hypothesis: Hypothesis,
     unknowns: Sequence[FitParameter],
     z: Array,
-    held: Sequence[int] = (),
+    staying: Sequence[int] = (),
+    held: HeldTables | None = None,
 ) -> tuple[float, Array]:
     """Squares one step from a place, infinite where the machine does not stand, and where ``(n_z,)`` that leads.
 
-    Coordinates whose indices are ``held`` stay.
+    Coordinates whose indices are ``staying`` stay. The tables of a machine near by that is ``held`` serve.
     """
-    evaluation = fitter.evaluate(unknowns, z, hypothesis)
+    evaluation = fitter.evaluate(unknowns, z, hypothesis, held=held)
     if evaluation is None:
         return np.inf, z
+    if held is None:
+        J = fitter.slopes(unknowns, evaluation, hypothesis)
+    else:
+        J = np.zeros((*evaluation.residual.shape, len(unknowns)))
+        J[:, :, held.own] = held.slopes
+        fitter.renew(J, unknowns, evaluation, hypothesis, [], held)
     low, high = (np.array([getattr(one, end) for one in unknowns]) for end in ("low", "high"))
     fixed = np.array([one.sigma == 0.0 for one in unknowns])
-    fixed[list(held)] = True
+    fixed[list(staying)] = True
     linear = np.array([one.of_instrument for one in unknowns])
-    A, b = fitter.system(unknowns, evaluation, fitter.slopes(unknowns, evaluation, hypothesis))
+    A, b = fitter.system(unknowns, evaluation, J)
     after = bounded_step(A, b, DAMPING, fixed, linear, z, low, high)
-    moved = fitter.evaluate(unknowns, after, hypothesis)
+    moved = fitter.evaluate(unknowns, after, hypothesis, held=held)
     # what is no better than where it begins stays
     ends = [
         (fitter.squares(unknowns, one), where)
