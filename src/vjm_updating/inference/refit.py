@@ -469,11 +469,8 @@ def begun_anew(fitter: LeastSquaresProblem, fit: Fit) -> Fit:
         z = _elsewhere(fitter, best, i)
         if z is None:
             continue
-        values, squares = (
-            values_of(best.parameters, z, best.hypothesis),
-            fitter.squares(best.parameters, best.evaluation),
-        )
-        borrowed = fitter.machine_slopes(best)
+        values, borrowed = values_of(best.parameters, z, best.hypothesis), fitter.machine_slopes(best)
+        squares = fitter.squares(best.parameters, best.evaluation)
         other = best_fit(fitter, best.hypothesis, z[:m], values, borrowed=borrowed, target=squares)
         if other is not None and other.objective < best.objective - fitter.resolution(squares):
             best = best_fit(fitter, best.hypothesis, other.evaluation.z[:m], other.values) or other
