@@ -3,8 +3,6 @@
 The sets are those of `hidden_effects`, with seeds of their own.
 """
 
-import os
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -16,8 +14,6 @@ from hidden_effects.judging import principal, right, rival_right
 from hidden_effects.machine import NoTruthError
 from hidden_effects.plan import CAUSES, CONFUSABLE, Group, Plan
 from hidden_effects.store import Store
-
-from vjm.batch import map_all
 
 pytestmark = pytest.mark.slow
 
@@ -52,26 +48,12 @@ def plans() -> list[Plan]:
     return found
 
 
-@dataclass(frozen=True)
-class Task:
-    """A set to be made and diagnosed."""
-
-    plan: Plan
-    folder: Path
-
-
-STORES: dict[Path, Store] = {}
-"""Of each process."""
-
-
-def work(task: Task) -> dict[str, Any] | None:
+def work(plan: Plan, place: Path, store: Store) -> dict[str, Any] | None:
     """What is hidden in a set and what is found; None where it cannot be made.
 
     ``still``: of a strong single cause the same without noise, told which cause it is. ``next``: of causes that the
     design cannot tell apart with the proposed experiment.
     """
-    plan, place = task.plan, task.folder / task.plan.name
-    store = STORES.setdefault(task.folder, Store(task.folder / "designs", DESIGNS))
     try:
         truth = make(plan, store, place)
     except (UnreachableError, NoTruthError):
@@ -90,11 +72,11 @@ def work(task: Task) -> dict[str, Any] | None:
 
 @pytest.fixture(scope="module")
 def done(tmp_path_factory):
-    folder, jobs = tmp_path_factory.mktemp("acceptance"), os.cpu_count() or 1
-    # neighbours share a design's signatures, and processes do not compute the same ones at once
-    tasks = sorted((Task(plan, folder) for plan in plans()), key=lambda task: (task.plan.design, task.plan.number))
-    size = -(-len(tasks) // jobs)
-    return [r for r in map_all(work, [t for k in range(size) for t in tasks[k::size]], jobs) if r is not None]
+    folder = tmp_path_factory.mktemp("acceptance")
+    store = Store(folder / "designs", DESIGNS)
+    # neighbours share a design's signatures
+    todo = sorted(plans(), key=lambda plan: (plan.design, plan.number))
+    return [r for plan in todo if (r := work(plan, folder / plan.name, store)) is not None]
 
 
 def of(done, group):

@@ -22,7 +22,7 @@ from vjm_updating.inference.fitting import Fit, LeastSquaresProblem, prior
 from vjm_updating.inference.forward import values_of
 from vjm_updating.inference.noise import AutoregressiveNoise
 from vjm_updating.inference.parameters import Hypothesis, of_effect, release_key, uncertain
-from vjm_updating.inference.profile import profile_interval, rise
+from vjm_updating.inference.profile import Rise, profile_interval
 from vjm_updating.inference.significance import (
     ALL_ROUND,
     LAW_ERROR,
@@ -422,10 +422,10 @@ def _supported(fitter: LeastSquaresProblem, fit: Fit, own: Sequence[int], std: A
     rises however near, it is not smooth, and the curvature is all that is known.
     """
     z, inflation = fit.evaluation.z[list(own)], _inflation(fitter, fit)
-    length, turned = float(np.hypot(*z)), rise(fitter, fit, own)
+    length, turned = float(np.hypot(*z)), Rise(fitter, fit, own)
     shares = np.ones(len(own))
     for k, index in enumerate(own):
-        straight, share = rise(fitter, fit, [index]), 1.0
+        straight, share = Rise(fitter, fit, [index]), 1.0
         for _ in range(NEARER):
             off = share * std[k]
             least = min(straight(z[[k]] - off), straight(z[[k]] + off))

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 from itertools import pairwise
 
 import numpy as np
@@ -16,6 +16,8 @@ from vjm_updating.inference.significance import NORMAL_95
 
 FAR, GRID = numerical(40.0), numerical(65)
 """Squares beyond the least at which a profile ends, and points between two places of it."""
+FOLLOWED, ENOUGH = numerical(5), numerical(0.1)
+"""Steps of the other coordinates at most, and the fall of the squares, to be expected, that is worth no other."""
 
 
 @dataclass(frozen=True)
@@ -33,36 +35,56 @@ class ProfileInterval:
     by_readings: tuple[bool, bool]
 
 
-def rise(
-    fitter: LeastSquaresProblem, fit: Fit, held: Sequence[int], along: Array | None = None
-) -> Callable[[Array], float]:
-    """By how much the objective rises with coordinates at other values ``(k,)``.
+@dataclass
+class Rise:
+    """By how much the objective rises where some coordinates are held at other values, and the others follow.
 
-    The others follow to first order, from where they are or from a plan: ``along`` (n_z, k) is what each does by a
-    unit of those that are held. It is infinite where no machine stands.
+    They go by Gauss-Newton with the fit's own slopes, each time from where they were at the values before. To first
+    order alone they would be led far off: a travel of which readings say only that it is short is fitted at their
+    spacing, where it goes with all else, and below that with nothing.
     """
-    others = [i for i, c in enumerate(fit.parameters) if i not in held and c.sigma != 0.0]
-    W = fitter.whitening.flat(fit.jacobian)[:, others]
-    weight = prior(fit.parameters, fit.evaluation.z)[1]
-    A = np.linalg.qr(np.vstack([W, np.diag(weight)[:, others]]))[0]
-    low, high = (np.array([getattr(c, end) for c in fit.parameters]) for end in ("low", "high"))
 
-    def squares(evaluation: Evaluation) -> float:
-        r = np.concatenate([fitter.whitening.flat(evaluation.residual), prior(fit.parameters, evaluation.z)[0]])
-        left = r - A @ (A.T @ r)
-        return float(left @ left)
+    fitter: LeastSquaresProblem
+    fit: Fit
+    held: Sequence[int]
+    z: Array = field(init=False)
 
-    least = squares(fit.evaluation)
+    def __post_init__(self) -> None:
+        fitter, fit = self.fitter, self.fit
+        self.z = fit.evaluation.z
+        self.others = [i for i, c in enumerate(fit.parameters) if i not in self.held and c.sigma != 0.0]
+        weight = prior(fit.parameters, fit.evaluation.z)[1]
+        M = np.vstack([fitter.whitening.flat(fit.jacobian), np.diag(weight)])[:, self.others]
+        self.onto, self.back = M, np.linalg.pinv(M)
+        self.low, self.high = (np.array([getattr(c, end) for c in fit.parameters]) for end in ("low", "high"))
+        self.least = self._squares(fit.evaluation)[1]
 
-    def value(values: Array) -> float:
-        point = fit.evaluation.z.copy()
-        if along is not None:
-            point = np.clip(point + along @ (values - point[list(held)]), low, high)
-        point[list(held)] = values
-        evaluation = fitter.evaluate(fit.parameters, point, fit.hypothesis)
-        return np.inf if evaluation is None else squares(evaluation) - least
+    def __call__(self, values: Array) -> float:
+        """The rise at values ``(k,)``; infinite where no machine stands."""
+        point, best, least = self.z.copy(), np.inf, np.inf
+        for _ in range(FOLLOWED):
+            point[list(self.held)] = values
+            evaluation = self.fitter.evaluate(self.fit.parameters, point, self.fit.hypothesis)
+            if evaluation is None:
+                break
+            squares, left, step = self._squares(evaluation)
+            if squares >= best:
+                break
+            self.z, best, least = evaluation.z, squares, min(left, least)
+            if squares - left < ENOUGH:
+                break
+            point = self.z.copy()
+            point[self.others] -= step
+            point = np.clip(point, self.low, self.high)
+        return least - self.least
 
-    return value
+    def _squares(self, evaluation: Evaluation) -> tuple[float, float, Array]:
+        """Squares of an evaluation, those that the others leave to first order, and their step back ``(k,)``."""
+        off = prior(self.fit.parameters, evaluation.z)[0]
+        r = np.concatenate([self.fitter.whitening.flat(evaluation.residual), off])
+        step = self.back @ r
+        left = r - self.onto @ step
+        return float(r @ r), float(left @ left), step
 
 
 def profile_interval(
@@ -80,10 +102,9 @@ def profile_interval(
     std = float(covariance[index, index]) ** 0.5
     if std == 0.0:
         return ProfileInterval(z, z, (True, True))
-    along = covariance[:, [index]] / covariance[index, index]
-    by, known, by_readings = rise(fitter, fit, [index], along), {z: 0.0}, list[bool]()
+    known, by_readings = {z: 0.0}, list[bool]()
     for way in (-1.0, 1.0):
-        distance, against = std, 0.0
+        by, distance, against = Rise(fitter, fit, [index]), std, 0.0
         while known[min(known) if way < 0.0 else max(known)] < FAR:
             place = float(np.clip(z + way * distance, coordinate.low, coordinate.high))
             if place in known:

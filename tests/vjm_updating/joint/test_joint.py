@@ -257,6 +257,16 @@ def test_an_interval_of_presliding_is_told_only_where_readings_have_it(tmp_path,
     assert (words in [line.strip() for line in lines(document)]) == (elastic < 1e-4)
 
 
+@pytest.mark.parametrize("seed", [2, 3, 7])
+def test_an_interval_of_presliding_goes_to_where_readings_are_silent(tmp_path, seed):
+    """Readings lie 8e-5 rad apart: a presliding of half that goes with all else, and a shorter one with nothing."""
+    elastic = 5e-7
+    files = write(tmp_path, Joint(friction=400.0, presliding=elastic), seed, torque=2e4)
+    row = diagnose(*files, tmp_path / "out").parameters["joint_friction.presliding_rad"]
+    assert row.limits == "upper"
+    assert row.interval95[0] < elastic < row.interval95[1] < 8e-5
+
+
 def in_unit(data, factor):
     """The torques of a file over a factor."""
     head, *rows = data.read_text().splitlines()
