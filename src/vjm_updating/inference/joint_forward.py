@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from vjm.errors import NoConvergenceError
-from vjm.model.laws import Law, StrainWave
+from vjm.model.laws import StrainWave
 from vjm.model.machine import Machine
 from vjm.model.parts import Joint
 from vjm.rotations import Array
@@ -39,7 +39,7 @@ from vjm_updating.mechanisms.series_elements import (
     ElementSite,
     History,
     SeriesElement,
-    deflections,
+    by_curve,
     memoryless,
 )
 
@@ -191,13 +191,7 @@ class JointThreeSlopes(SpringUnderTest):
 
     def sliding_elements(self, place: ElementSite, values: Sequence[float]) -> tuple[SeriesElement, ...]:
         """The spring in the place of the model's."""
-        curve = three_slopes(values).curve
-
-        def law(N: Array) -> tuple[Array, Array]:
-            x, tangent = deflections(curve, N)
-            return x - self.compliance * N, 1.0 / tangent - self.compliance
-
-        return (SeriesElement(place, memoryless(law)),)
+        return (SeriesElement(place, by_curve(three_slopes(values).curve, less=self.compliance)),)
 
     def reported(self, values: Sequence[float]) -> dict[str, float]:
         """The numbers that a catalogue gives."""
@@ -219,19 +213,6 @@ def three_slopes(values: Sequence[float]) -> StrainWave:
     """The law of the parameters of `JointThreeSlopes`."""
     first, c, last, kink, second = map(float, values)
     return StrainWave(K1=1.0 / c, K2=first / c, K3=first * last / c, T1=kink, T2=kink * second)
-
-
-def beyond_straight(law: Law, joint: str, compliance: float, lever: float) -> SeriesElement:
-    """What a joint's law in the model extends by beyond a straight spring, as an element at a lever.
-
-    The straight spring has its ``compliance``, mm/N, at a ``lever``, mm, which is 1 where the joint slides.
-    """
-
-    def extension(N: Array) -> tuple[Array, Array]:
-        u, tangent = deflections(law.curve, N * lever)
-        return u * lever - compliance * N, lever**2 / tangent - compliance
-
-    return SeriesElement(AtJoint(joint, lever), memoryless(extension))
 
 
 def _told(drive: DriveSite, own: Quantity) -> Quantity:
@@ -324,7 +305,8 @@ class JointForward(Predictor):
         spring, joint = stiffness_of(observed.measurement), observed.measurement.drive
         if joint.law is not None and not any(isinstance(e, JointHardening | JointThreeSlopes) for e in hypothesis):
             # else another law is in its place
-            elements.append(beyond_straight(joint.law, joint.name, 1.0 / spring, lever))
+            beyond = by_curve(joint.law.curve, lever=lever, less=1.0 / spring)
+            elements.append(SeriesElement(AtJoint(joint.name, lever), beyond))
         force, slope = _borne(moved, spring, elements, history)
         load, tangent = force.copy(), slope.copy()
         for effect, v in own:

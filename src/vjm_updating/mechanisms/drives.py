@@ -22,7 +22,7 @@ from vjm_updating.constants import prior_scale
 from vjm_updating.mechanisms.effect import SAME, Effect, ExperimentContext, Quantity, drive, part_table
 from vjm_updating.mechanisms.joint_motions import braced, joint_motions
 from vjm_updating.mechanisms.modified_chain import LINK, NEITHER, ModifiedMachine, foot_of, links_of, place_of
-from vjm_updating.mechanisms.series_elements import AtJoint, ElementSite, SeriesElement, deflections, memoryless
+from vjm_updating.mechanisms.series_elements import AtJoint, ElementSite, SeriesElement, by_curve, memoryless
 from vjm_updating.mechanisms.structure import FACTOR
 
 SOFT = "_mm_per_N"
@@ -262,13 +262,8 @@ class ActuatorCompliance(InDrive):
         if self.drive.law is None:
             c = values[0]
             return (SeriesElement(place, memoryless(lambda N: (c * N, np.full_like(N, c)))),)
-        more, lever, curve = values[0] - 1.0, self.drive.lever, self.drive.law.curve
-
-        def law(N: Array) -> tuple[Array, Array]:
-            u, tangent = deflections(curve, N * lever)
-            return more * lever * u, more * lever**2 / tangent
-
-        return (SeriesElement(place, memoryless(law)),)
+        softer = by_curve(self.drive.law.curve, lever=self.drive.lever, times=values[0] - 1.0)
+        return (SeriesElement(place, softer),)
 
     def built(self, chain: Machine, values: Sequence[float]) -> Machine:
         """A chain with it, added to what the joint, or each drive that slides before all joints, has."""

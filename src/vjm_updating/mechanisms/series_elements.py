@@ -323,6 +323,16 @@ def deflections(curve: Curve, forces: Array) -> tuple[Array, Array]:
     return curve_deflections(forces, curve.knots, curve.pieces)
 
 
+def by_curve(curve: Curve, *, lever: float = 1.0, times: float = 1.0, less: float = 0.0) -> Memoryless:
+    """What the spring of a curve extends by at a lever, so many times, less a straight spring's compliance."""
+
+    def law(N: Array) -> tuple[Array, Array]:
+        u, tangent = deflections(curve, N * lever)
+        return times * lever * u - less * N, times * lever**2 / tangent - less
+
+    return Memoryless(law)
+
+
 def retarded(compliance: float, seconds: float) -> Law:
     """What follows a force with a delay: ``ẋ = (c N − x)/τ``, the force linear between readings.
 
