@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -39,19 +39,17 @@ class ProfileInterval:
 class Rise:
     """By how much the objective rises where some coordinates are held at other values, and the others follow.
 
-    They go by Gauss-Newton with the fit's own slopes, each time from where they were at the values before. To first
-    order alone they would be led far off: a travel of which readings say only that it is short is fitted at their
-    spacing, where it goes with all else, and below that with nothing.
+    They go by Gauss-Newton with the fit's own slopes. To first order alone they would be led far off: a travel of
+    which readings say only that it is short is fitted at their spacing, where it goes with all else, and below that
+    with nothing.
     """
 
     fitter: LeastSquaresProblem
     fit: Fit
     held: Sequence[int]
-    z: Array = field(init=False)
 
     def __post_init__(self) -> None:
         fitter, fit = self.fitter, self.fit
-        self.z = fit.evaluation.z
         self.others = [i for i, c in enumerate(fit.parameters) if i not in self.held and c.sigma != 0.0]
         weight = prior(fit.parameters, fit.evaluation.z)[1]
         M = np.vstack([fitter.whitening.flat(fit.jacobian), np.diag(weight)])[:, self.others]
@@ -60,8 +58,12 @@ class Rise:
         self.least = self._squares(fit.evaluation)[1]
 
     def __call__(self, values: Array) -> float:
-        """The rise at values ``(k,)``; infinite where no machine stands."""
-        point, best, least = self.z.copy(), np.inf, np.inf
+        """The rise at values ``(k,)``, the others begun at the fit's; infinite where no machine stands."""
+        return self.begun(values, self.fit.evaluation.z)[0]
+
+    def begun(self, values: Array, z: Array) -> tuple[float, Array]:
+        """The same with the others begun at those of ``z`` (n_z,), and the coordinates to which they went."""
+        point, best, least = z.copy(), np.inf, np.inf
         for _ in range(FOLLOWED):
             point[list(self.held)] = values
             evaluation = self.fitter.evaluate(self.fit.parameters, point, self.fit.hypothesis)
@@ -70,13 +72,13 @@ class Rise:
             squares, left, step = self._squares(evaluation)
             if squares >= best:
                 break
-            self.z, best, least = evaluation.z, squares, min(left, least)
+            z, best, least = evaluation.z, squares, min(left, least)
             if squares - left < ENOUGH:
                 break
-            point = self.z.copy()
+            point = z.copy()
             point[self.others] -= step
             point = np.clip(point, self.low, self.high)
-        return least - self.least
+        return least - self.least, z
 
     def _squares(self, evaluation: Evaluation) -> tuple[float, float, Array]:
         """Squares of an evaluation, those that the others leave to first order, and their step back ``(k,)``."""
@@ -102,14 +104,15 @@ def profile_interval(
     std = float(covariance[index, index]) ** 0.5
     if std == 0.0:
         return ProfileInterval(z, z, (True, True))
-    known, by_readings = {z: 0.0}, list[bool]()
+    by, known, by_readings = Rise(fitter, fit, [index]), {z: 0.0}, list[bool]()
     for way in (-1.0, 1.0):
-        by, distance, against = Rise(fitter, fit, [index]), std, 0.0
+        others, distance, against = fit.evaluation.z, std, 0.0
         while known[min(known) if way < 0.0 else max(known)] < FAR:
             place = float(np.clip(z + way * distance, coordinate.low, coordinate.high))
             if place in known:
                 break
-            if np.isinf(further := by(np.array([place]))):
+            further, others = by.begun(np.array([place]), others)
+            if np.isinf(further):
                 against = further
                 break
             point = fit.evaluation.z.copy()
